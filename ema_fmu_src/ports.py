@@ -1,0 +1,255 @@
+"""The one declaration of every variable of the twins.
+
+HF, ELF and LF share names, types, units, causality and value references; the model descriptions, the FMUs' HTML
+pages, the tables, the harness and the tests are made from this module. A variable's value reference is its place in
+`VARIABLES`, and the twins' kernels find its value at that place of their flat float64 array `v` (an Integer or a
+Boolean is held there as a float64 too).
+
+Sources: the paper (Quattrocchi, Dalla Vedova, Berri: J. Phys. Conf. Ser. 2526 (2023) 012076) gives the symbols of the
+motor, its driver and its faults; every default value is ours, chosen so that SIN and STEP-RAMP stay unsaturated and
+SIN4 saturates fully, as in the paper.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Causality = Literal["input", "output", "local", "parameter"]
+Variability = Literal["continuous", "discrete", "fixed", "tunable"]
+Kind = Literal["Real", "Integer", "Boolean"]
+
+MODELS = ("HF", "ELF", "LF")
+"""One FMU each: EMA_HF.fmu, EMA_ELF.fmu, EMA_LF.fmu."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One FMI scalar variable, the same in every twin.
+
+    `start` is in `unit`; `start_of` holds the twins whose start differs. `minimum` and `maximum` are inclusive; None
+    means unbounded. `unused_by` names the twins that accept the variable but do not act on it.
+    """
+
+    name: str
+    causality: Causality
+    variability: Variability
+    kind: Kind
+    unit: str
+    start: float
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    unused_by: tuple[str, ...] = ()
+    start_of: dict[str, float] = field(default_factory=dict)
+
+    def start_for(self, model: str) -> float:
+        """Start value in `unit` of this variable in the twin `model` ("HF", "ELF" or "LF")."""
+        return self.start_of.get(model, self.start)
+
+    def description_for(self, model: str) -> str:
+        """Description with a word on what the twin `model` makes of it."""
+        return f"{self.description} (no effect in {model})" if model in self.unused_by else self.description
+
+
+def _input(name: str, unit: str, start: float, description: str, *limits: float | None) -> Variable:
+    return Variable(name, "input", "continuous", "Real", unit, start, description, *limits)
+
+
+def _output(name: str, unit: str, description: str) -> Variable:
+    return Variable(name, "output", "continuous", "Real", unit, 0.0, description)
+
+
+def _parameter(
+    name: str,
+    unit: str,
+    start: float,
+    limits: tuple[float | None, float | None],
+    description: str,
+    *,
+    kind: Kind = "Real",
+    unused_by: tuple[str, ...] = (),
+    start_of: dict[str, float] | None = None,
+) -> Variable:
+    variability: Variability = "tunable" if name.startswith("fault.") else "fixed"
+    return Variable(
+        name, "parameter", variability, kind, unit, start, description, *limits, unused_by, start_of or {}
+    )
+
+
+VARIABLES: tuple[Variable, ...] = (
+    _input("command", "rad", 0.0, "Commanded position of the output (user) shaft"),
+    _input("load_torque", "N.m", 0.0, "External torque on the user shaft; positive opposes positive rotation"),
+    _input("supply_voltage", "V", 48.0, "DC bus voltage V_dc", 0.0, 2000.0),
+    _output("position", "rad", "User shaft angle, after backlash"),
+    _output("motor_position", "rad", "Rotor angle theta, mechanical"),
+    _output("motor_speed", "rad/s", "Rotor speed w, mechanical"),
+    _output("reference_current", "A", "Controller output I_ref"),
+    _output("equivalent_current", "A", "Equivalent single-phase (quadrature) current, instantaneous"),
+    _output("equivalent_current_filtered", "A", "Equivalent single-phase current after a low-pass of monitor.tau"),
+    _output("phase_current_a", "A", "Current of phase a (LF: inverse Park of its single current)"),
+    _output("phase_current_b", "A", "Current of phase b (LF: inverse Park of its single current)"),
+    _output("phase_current_c", "A", "Current of phase c (LF: inverse Park of its single current)"),
+    _output("back_emf_a", "V", "Back-EMF of phase a"),
+    _output("back_emf_b", "V", "Back-EMF of phase b"),
+    _output("back_emf_c", "V", "Back-EMF of phase c"),
+    _output("motor_torque", "N.m", "Electromagnetic torque on the motor shaft"),
+    _output("friction_torque", "N.m", "Dry friction torque on the motor shaft, opposing the motion"),
+    _output("supply_current", "A", "DC bus current, mean over the last communication step"),
+    _output("copper_loss", "W", "Loss in the windings' resistance, mean over the last communication step"),
+    Variable(
+        "voltage_saturated",
+        "output",
+        "discrete",
+        "Boolean",
+        "",
+        0.0,
+        "Some phase was voltage-limited during the last communication step: plain ELF has left its range of validity",
+    ),
+    Variable(
+        "controller.integral",
+        "local",
+        "discrete",
+        "Real",
+        "A",
+        0.0,
+        "Integral part of the speed controller (LF has none: 0)",
+    ),
+    _parameter("motor.R", "Ohm", 1.0, (1e-3, 1e3), "Phase resistance, half of the line-to-line R_s"),
+    _parameter("motor.L", "H", 0.7e-3, (1e-6, 1.0), "Phase inductance (plain ELF has none)"),
+    _parameter("motor.K_e", "V.s/rad", 0.05, (1e-5, 10.0), "Back-EMF coefficient of a phase, peak"),
+    _parameter("motor.p", "1", 2, (1, 50), "Pole pairs", kind="Integer"),
+    _parameter("mechanics.J", "kg.m2", 6e-5, (1e-8, 10.0), "Inertia of all that moves, on the motor side"),
+    _parameter("mechanics.C", "N.m.s/rad", 5e-5, (0.0, 10.0), "Viscous friction coefficient, on the motor side"),
+    _parameter("mechanics.T_static", "N.m", 0.06, (0.0, 100.0), "Static (breakaway) friction, on the motor side"),
+    _parameter("mechanics.T_coulomb", "N.m", 0.03, (0.0, 100.0), "Coulomb friction, on the motor side"),
+    _parameter("mechanics.end_stop", "rad", 0.6, (1e-3, 1e3), "End stops at plus and minus this user shaft angle"),
+    _parameter("gear.ratio", "1", 200.0, (1.0, 1e5), "Gear ratio G, motor to user shaft"),
+    _parameter("gear.eta_opposing", "1", 0.9, (0.05, 1.0), "Gear efficiency when the load opposes the motion"),
+    _parameter("gear.eta_aiding", "1", 0.9, (0.0, 1.0), "Gear efficiency when the load aids the motion"),
+    _parameter("gear.backlash", "rad", 1e-4, (0.0, 1.0), "Total play at the user shaft"),
+    _parameter("controller.K_pos", "1/s", 40.0, (0.0, 1e4), "Gain of the position loop"),
+    _parameter("controller.speed_limit", "rad/s", 2000.0, (0.0, 1e5), "Limit of the speed reference"),
+    _parameter("controller.K_p", "A.s/rad", 1.3, (0.0, 1e3), "Proportional gain of the speed loop"),
+    _parameter("controller.K_i", "A/rad", 10.0, (0.0, 1e5), "Integral gain of the speed loop", unused_by=("LF",)),
+    _parameter("controller.current_limit", "A", 10.0, (0.0, 1e4), "Limit of the current reference"),
+    _parameter(
+        "controller.period", "s", 1e-4, (1e-6, 0.1), "Sampling period T_c of the controller", unused_by=("LF",)
+    ),
+    _parameter(
+        "inverter.hysteresis", "A", 0.25, (1e-3, 1e3), "Half band of the current hysteresis", unused_by=("ELF", "LF")
+    ),
+    _parameter("inverter.R_on", "Ohm", 0.01, (0.0, 10.0), "On-resistance of a switch or diode (plain ELF has none)"),
+    _parameter(
+        "inverter.dead_time",
+        "s",
+        5e-7,
+        (0.0, 1e-4),
+        "Both switches of a leg stay off for this time at each commutation",
+        unused_by=("ELF", "LF"),
+    ),
+    _parameter(
+        "sensor.resolver_bits",
+        "1",
+        16,
+        (0, 24),
+        "Resolver resolution, counts a motor turn = 2^bits; 0 is ideal",
+        kind="Integer",
+        unused_by=("ELF", "LF"),
+    ),
+    _parameter("monitor.tau", "s", 1e-3, (1e-4, 10.0), "Time constant of the filtered equivalent current"),
+    _parameter(
+        "driver.coupled_saturation",
+        "",
+        0,
+        (0, 1),
+        "ELF only: couple the phases through the star point in voltage saturation (ELF+)",
+        kind="Boolean",
+        unused_by=("HF", "LF"),
+    ),
+    _parameter("solver.step", "s", 1e-4, (1e-9, 1e-2), "Largest inner step", start_of={"HF": 1e-5}),
+    _parameter(
+        "solver.event_located",
+        "",
+        1,
+        (0, 1),
+        "HF only: step from event to event (true) or at fixed steps of solver.step (false)",
+        kind="Boolean",
+        unused_by=("ELF", "LF"),
+    ),
+    _parameter("initial.motor_position", "rad", 0.0, (None, None), "Rotor angle at the start"),
+    _parameter("initial.motor_speed", "rad/s", 0.0, (None, None), "Rotor speed at the start"),
+    _parameter("initial.position", "rad", 0.0, (None, None), "User shaft angle at the start, held within the play"),
+    _parameter("initial.phase_current_a", "A", 0.0, (None, None), "Current of phase a at the start"),
+    _parameter("initial.phase_current_b", "A", 0.0, (None, None), "Current of phase b at the start; c balances"),
+    _parameter("initial.reference_current", "A", 0.0, (None, None), "Current reference before the first sample"),
+    _parameter("initial.current_filtered", "A", 0.0, (None, None), "Filtered equivalent current at the start"),
+    _parameter(
+        "initial.integral", "A", 0.0, (None, None), "Integral part of the controller at the start", unused_by=("LF",)
+    ),
+    _parameter("fault.friction", "1", 1.0, (0.0, 20.0), "Scale of T_static and T_coulomb; healthy 1"),
+    _parameter("fault.backlash", "1", 1.0, (0.0, 1000.0), "Scale of gear.backlash; healthy 1"),
+    _parameter("fault.N_a", "1", 1.0, (0.3, 1.0), "Fraction of turns not shorted in phase a; healthy 1"),
+    _parameter("fault.N_b", "1", 1.0, (0.3, 1.0), "Fraction of turns not shorted in phase b; healthy 1"),
+    _parameter("fault.N_c", "1", 1.0, (0.3, 1.0), "Fraction of turns not shorted in phase c; healthy 1"),
+    _parameter("fault.zeta", "1", 0.0, (0.0, 0.95), "Static rotor eccentricity, motor.p*zeta < 1; healthy 0"),
+    _parameter("fault.phi", "rad", 0.0, (-7.0, 7.0), "Phase of the eccentricity"),
+    _parameter("fault.gain", "1", 1.0, (0.0, 10.0), "Scale of controller.K_pos; healthy 1"),
+    _parameter(
+        "fault.jam", "N.m", 0.0, (0.0, 1e3), "Jam: added to the static and Coulomb friction, motor side; healthy 0"
+    ),
+    _parameter("fault.magnet", "1", 1.0, (0.1, 1.0), "Magnet demagnetisation: scale of motor.K_e; healthy 1"),
+    _parameter("fault.resistance", "1", 1.0, (0.5, 3.0), "Winding temperature: scale of motor.R; healthy 1"),
+    _parameter(
+        "fault.open_switch",
+        "1",
+        0,
+        (0, 6),
+        "Inverter switch that stays open: 1, 2 upper and lower of leg a; 3, 4 of b; 5, 6 of c; healthy 0",
+        kind="Integer",
+        unused_by=("ELF", "LF"),
+    ),
+    _parameter(
+        "fault.current_offset_a",
+        "A",
+        0.0,
+        (-100.0, 100.0),
+        "Offset of the current sensor of phase a; healthy 0",
+        unused_by=("ELF", "LF"),
+    ),
+    _parameter(
+        "fault.current_offset_b",
+        "A",
+        0.0,
+        (-100.0, 100.0),
+        "Offset of the current sensor of phase b; healthy 0",
+        unused_by=("ELF", "LF"),
+    ),
+    _parameter(
+        "fault.current_offset_c",
+        "A",
+        0.0,
+        (-100.0, 100.0),
+        "Offset of the current sensor of phase c; healthy 0",
+        unused_by=("ELF", "LF"),
+    ),
+    _parameter(
+        "fault.resolver_offset",
+        "rad",
+        0.0,
+        (-4.0, 4.0),
+        "Offset of the resolver, motor mechanical angle; healthy 0",
+        unused_by=("ELF", "LF"),
+    ),
+)
+
+INDEX: dict[str, int] = {variable.name: reference for reference, variable in enumerate(VARIABLES)}
+"""Value reference of each name, which is also its place in the kernels' array `v`."""
+
+INPUTS = tuple(variable for variable in VARIABLES if variable.causality == "input")
+OUTPUTS = tuple(variable for variable in VARIABLES if variable.causality == "output")
+PARAMETERS = tuple(variable for variable in VARIABLES if variable.causality == "parameter")
+FAULTS = tuple(variable for variable in PARAMETERS if variable.name.startswith("fault."))
+
+
+def starts(model: str) -> list[float]:
+    """Start values of all variables of the twin `model`, in the order of their value references."""
+    return [variable.start_for(model) for variable in VARIABLES]

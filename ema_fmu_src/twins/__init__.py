@@ -1,0 +1,62 @@
+"""The twins: one fidelity a file, its states and its step, composed from the equations of `physics`.
+
+The contract between a twin and whatever runs it (the native runtime's C, the pythonfmu slave, a test):
+
+- `v`, float64, one place a variable of `ports.VARIABLES` (its value reference): the host writes inputs and parameters,
+  the twin writes outputs and local variables.
+- `x`, float64, `n_states` places: everything that the twin remembers, so that a copy of `v` and `x` is a copy of the
+  twin. The host writes two things into it: `x[STALE] = 1.0` after a tunable parameter has changed, and
+  `x[SLOPE + i]`, the slope of input i over the coming step (per second; 0 holds the input).
+- `initialize(v, x) -> status` starts the twin at time 0 from the parameters and inputs in `v` and writes the outputs.
+- `advance(v, x, t) -> status` runs to time `t` in seconds since the start and writes the outputs. The inputs in `v` are
+  those at the beginning of the step. Steps may have any length > 0; the twin keeps its own ticks.
+- the status is 0, or an index into `STATUS`; after another status than 0 the twin is not to be advanced.
+
+The functions are numba dispatchers that accept numpy arrays or, for the native runtime, `CPointer(float64)`; they
+allocate nothing, call no library and run unchanged as plain Python with NUMBA_DISABLE_JIT=1.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ema_fmu_src.twins import elf, hf, lf
+from ema_fmu_src.twins.layout import SLOPE, STALE, STATUS
+
+__all__ = ["SLOPE", "STALE", "STATUS", "TWINS", "Twin"]
+
+
+@dataclass(frozen=True)
+class Twin:
+    """One fidelity: its kernels and what a reader needs to know of it."""
+
+    name: str
+    title: str
+    n_states: int
+    initialize: Callable[[Any, Any], int]
+    advance: Callable[[Any, Any, float], int]
+    equations: str
+    """The opening docstring of the twin's module: its equations, what it covers and what not."""
+
+
+TWINS: dict[str, Twin] = {
+    "HF": Twin(
+        "HF",
+        "High fidelity: switching inverter, hysteresis current control, star-connected three-phase PMSM",
+        hf.N_STATES,
+        hf.initialize,
+        hf.advance,
+        hf.__doc__ or "",
+    ),
+    "ELF": Twin(
+        "ELF",
+        "Enhanced low fidelity: three phases, no switching; with coupled saturation on request (ELF+)",
+        elf.N_STATES,
+        elf.initialize,
+        elf.advance,
+        elf.__doc__ or "",
+    ),
+    "LF": Twin(
+        "LF", "Low fidelity: equivalent single phase", lf.N_STATES, lf.initialize, lf.advance, lf.__doc__ or ""
+    ),
+}
