@@ -20,8 +20,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ema_fmu_src.twins import elf, hf, lf
-from ema_fmu_src.twins.layout import SLOPE, STALE, STATUS
+from . import elf, hf, lf
+from .layout import SLOPE, STALE, STATUS
 
 __all__ = ["SLOPE", "STALE", "STATUS", "TWINS", "Twin"]
 

@@ -1,0 +1,21 @@
+"""The equivalent single-phase current: Clarke and Park transforms, and the low-pass."""
+
+import math
+
+from .jit import kernel
+
+INV_SQRT3 = 1.0 / math.sqrt(3.0)
+
+
+@kernel
+def quadrature_current(i_a, i_b, i_c, s, c):
+    """-i_alpha*sin(theta_e) + i_beta*cos(theta_e) [A], i_alpha = (2 i_a - i_b - i_c)/3, i_beta = (i_b - i_c)/sqrt(3)."""
+    i_alpha = (2.0 * i_a - i_b - i_c) * (1.0 / 3.0)
+    i_beta = (i_b - i_c) * INV_SQRT3
+    return i_beta * c - i_alpha * s
+
+
+@kernel
+def low_pass(y, u, h, tau):
+    """First-order low-pass of time constant tau [s] after a step h [s] with the mean input u (trapezoidal rule)."""
+    return y + (u - y) * h / (tau + 0.5 * h)

@@ -1,0 +1,19 @@
+"""Resolver: a quantised angle (ours). The converter's own tracking loop gives the speed, which is taken as ideal."""
+
+import math
+
+from .jit import kernel
+
+TURN = 2.0 * math.pi
+
+
+@kernel
+def resolver(angle, bits):
+    """`angle` [rad] rounded to the nearest of 2^bits counts a turn; bits = 0 is an ideal sensor."""
+    if bits < 0.5:
+        return angle
+    count = TURN / (1 << int(bits))
+    steps = angle / count
+    if not -1e15 < steps < 1e15:
+        return angle
+    return int(steps + (0.5 if steps >= 0.0 else -0.5)) * count
