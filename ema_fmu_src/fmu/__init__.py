@@ -1,0 +1,1 @@
+"""The FMUs: model description, slave, packaging."""

@@ -1,0 +1,194 @@
+"""The python runtime: a pythonfmu slave around a twin's kernels.
+
+pythonfmu turns every Python exception into fmi2Fatal, after which a host gives the instance up. So nothing here raises
+for what a host can do wrong: a value that is refused is logged as an error, the old value stays, and the next step is
+discarded (fmi2Discard); a step that is refused is logged and discarded. The instance works on afterwards.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability
+from pythonfmu.enums import Fmi2Status
+from pythonfmu.variables import Boolean, Integer, Real
+
+from .. import ports
+from ..twins import STALE, STATUS, TWINS
+from . import description, source
+
+KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean}
+FOLLOWS = 1e-9
+"""A communication point this close to the end of the last step, relative or in seconds, follows it."""
+
+
+class Slave(Fmi2Slave):
+    """One instance of a twin; `model` is set by the class in the FMU ("HF", "ELF" or "LF")."""
+
+    model: str
+    log_categories = description.CATEGORIES
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.modelName = f"EMA_{self.model}"
+        self.description = TWINS[self.model].title
+        self._twin = TWINS[self.model]
+        self._v = np.array(ports.starts(self.model), dtype=np.float64)
+        self._x = np.zeros(self._twin.n_states, dtype=np.float64)
+        self._mode = "instantiated"
+        self._fresh = False  # outputs agree with what has been set, while initializing
+        self._refused = ""  # why the next step is to be discarded
+        self._failed = ""  # why no step is possible any more
+        self._start = self._point = 0.0
+        self._stop = math.inf
+        for variable in ports.VARIABLES:
+            self.register_variable(
+                KINDS[variable.kind](
+                    variable.name,
+                    causality=Fmi2Causality[variable.causality],
+                    variability=Fmi2Variability[variable.variability],
+                    getter=self._getter(variable.name),
+                ),
+                nested=False,
+            )
+
+    def _getter(self, name: str) -> Any:
+        place = ports.INDEX[name]
+        return lambda: self._v[place]
+
+    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
+        """The model description (FMI 2.0, section 2.2)."""
+        return description.complete(super().to_xml(model_options or {}), self.model, source.content_hash())
+
+    # --- values -----------------------------------------------------------------------------------------------------
+
+    def _refuse(self, message: str) -> None:
+        self.log(message, Fmi2Status.error, "logStatusError")
+        self._refused = self._refused or message
+
+    def _set(self, kind: str, references: Sequence[int], values: Sequence[float]) -> None:
+        for reference, value in zip(references, values, strict=True):
+            if not 0 <= reference < len(ports.VARIABLES) or ports.VARIABLES[reference].kind != kind:
+                self._refuse(f"value reference {reference} is no {kind} variable of {self.modelName}")
+                continue
+            variable = ports.VARIABLES[reference]
+            problem = self._problem(variable, float(value))
+            if problem:
+                self._refuse(f"{variable.name} = {value} refused: {problem}; it stays {self._v[reference]}")
+                continue
+            self._v[reference] = value
+            self._fresh = False
+            if variable.causality == "parameter":
+                self._x[STALE] = 1.0
+
+    def _problem(self, variable: ports.Variable, value: float) -> str:
+        """Why `variable` cannot be set to `value` now; empty if it can."""
+        if variable.causality not in ("input", "parameter"):
+            return f"it is a variable of causality {variable.causality}, which only the FMU sets"
+        if not math.isfinite(value):
+            return "a finite number is needed"
+        if variable.minimum is not None and value < variable.minimum:
+            return f"it is less than the minimum {variable.minimum}"
+        if variable.maximum is not None and value > variable.maximum:
+            return f"it is more than the maximum {variable.maximum}"
+        if variable.variability == "fixed" and self._mode == "running":
+            return "a fixed parameter cannot change after initialization"
+        return ""
+
+    def _get(self, kind: str, references: Sequence[int]) -> list[float]:
+        if self._mode == "initializing" and not self._fresh:
+            self._initialize()
+        values = []
+        for reference in references:
+            if not 0 <= reference < len(ports.VARIABLES) or ports.VARIABLES[reference].kind != kind:
+                self._refuse(f"value reference {reference} is no {kind} variable of {self.modelName}")
+                values.append(0.0)
+            else:
+                values.append(self._v[reference])
+        return values
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        self._set("Real", vrs, values)
+
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        self._set("Integer", vrs, values)
+
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        self._set("Boolean", vrs, values)
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        return [float(value) for value in self._get("Real", vrs)]
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        return [int(value) for value in self._get("Integer", vrs)]
+
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        return [bool(value) for value in self._get("Boolean", vrs)]
+
+    # --- life -------------------------------------------------------------------------------------------------------
+
+    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
+        """Start and stop time [s]; the twin's clock starts at zero with the start time. The tolerance is not used."""
+        self._start = self._point = start_time
+        self._stop = math.inf if stop_time is None else stop_time
+
+    def enter_initialization_mode(self) -> None:
+        self._mode = "initializing"
+
+    def exit_initialization_mode(self) -> None:
+        self._initialize()
+        self._mode = "running"
+
+    def _initialize(self) -> None:
+        status = int(self._twin.initialize(self._v, self._x))
+        self._failed = STATUS[status]
+        self._fresh = True
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Run from `current_time` over `step_size` [s]; False (fmi2Discard) with a logged reason if that cannot be."""
+        problem = self._failed or self._refused or self._step_problem(current_time, step_size)
+        self._refused = ""
+        if not problem:
+            end = current_time + step_size
+            status = int(self._twin.advance(self._v, self._x, end - self._start))
+            self._point = end
+            self._failed = problem = STATUS[status]
+        if problem:
+            self.log(
+                f"step from {current_time} s over {step_size} s discarded: {problem}",
+                Fmi2Status.discard,
+                "logStatusDiscard",
+            )
+        return not problem
+
+    def _step_problem(self, current_time: float, step_size: float) -> str:
+        """Why a step cannot be taken; empty if it can."""
+        if not (math.isfinite(current_time) and math.isfinite(step_size)):
+            return "time and step must be finite"
+        if step_size <= 0.0:
+            return f"the step size is {step_size} s, more than 0 s is needed"
+        if abs(current_time - self._point) > FOLLOWS * max(1.0, abs(self._point)):
+            return f"the communication point {current_time} s does not follow the last one, {self._point} s"
+        if current_time + step_size > self._stop + FOLLOWS * max(1.0, abs(self._stop)):
+            return f"it would end at {current_time + step_size} s, after the stop time {self._stop} s"
+        return ""
+
+    # --- state ------------------------------------------------------------------------------------------------------
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        return {
+            "v": self._v.tolist(),
+            "x": self._x.tolist(),
+            "clock": [self._start, self._point, None if math.isinf(self._stop) else self._stop],
+            "mode": [self._mode, self._refused, self._failed],
+        }
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        self._v[:] = state["v"]
+        self._x[:] = state["x"]
+        self._start, self._point, stop = state["clock"]
+        self._stop = math.inf if stop is None else stop
+        self._mode, self._refused, self._failed = state["mode"]
+        self._fresh = False
