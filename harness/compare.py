@@ -1,0 +1,67 @@
+"""How far a candidate's trajectories are from a reference's."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+TUBE = 0.01
+"""Half width of the tolerance tube, as a fraction of the reference's range."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One variable of one trial.
+
+    `nrmse`: rms of the difference over the reference's range (None where the reference is constant and the candidate is
+    not); `max_abs` [unit] the largest absolute difference and `t_max_abs` [s] when; `outside` the fraction of points
+    further from the reference than the tube.
+    """
+
+    trial: str
+    candidate: str
+    reference: str
+    variable: str
+    unit: str
+    nrmse: float | None
+    max_abs: float
+    t_max_abs: float
+    outside: float
+
+
+def compare(
+    candidate: xr.Dataset, reference: xr.Dataset, *, names: tuple[str, str], tube: float = TUBE
+) -> list[Comparison]:
+    """Compare every output of `candidate` with `reference`, on the reference's times within both runs.
+
+    `names` are those of candidate and reference. A candidate on other times is interpolated linearly.
+    """
+    start = max(float(candidate.time[0]), float(reference.time[0]))
+    stop = min(float(candidate.time[-1]), float(reference.time[-1]))
+    inside = (reference.time.values >= start - 1e-12) & (reference.time.values <= stop + 1e-12)
+    times = reference.time.values[inside]
+    comparisons = []
+    for name in reference.data_vars:
+        if name == "command" or name not in candidate:
+            continue
+        expected = reference[name].values[inside].astype(float)
+        found = candidate[name].values.astype(float)
+        if not np.array_equal(candidate.time.values, times):
+            found = np.interp(times, candidate.time.values, found)
+        difference = np.abs(found - expected)
+        spread = float(np.ptp(expected))
+        worst = int(np.argmax(difference))
+        rms = float(np.sqrt(np.mean(difference**2)))
+        comparisons.append(
+            Comparison(
+                reference.attrs["trial"],
+                *names,
+                str(name),
+                reference[name].attrs["units"],
+                rms / spread if spread > 0.0 else (0.0 if rms == 0.0 else None),
+                float(difference[worst]),
+                float(times[worst]),
+                float(np.mean(difference > tube * spread)),
+            )
+        )
+    return comparisons

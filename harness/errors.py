@@ -1,0 +1,18 @@
+"""What a user did wrong, in one line: what is wrong, where, what would be right."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class HarnessError(Exception):
+    """Bad input or an FMU that cannot be run; the command line prints the message and exits with 2."""
+
+
+def unknown(what: str, name: str, choices: Iterable[str]) -> HarnessError:
+    """Error for an unknown name, with the nearest known one."""
+    known = list(choices)
+    lowered = {choice.lower(): choice for choice in known}
+    nearest = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
+    hint = f"did you mean {lowered[nearest[0]]}? " if nearest else ""
+    listed = ", ".join(known) if len(known) <= 12 else "'ema ports' lists them"
+    return HarnessError(f"unknown {what} '{name}': {hint}known: {listed}")

@@ -1,0 +1,78 @@
+"""The four fidelities: which FMU each is, and the parameters that make it so."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ema_fmu_src import ports
+from harness.errors import HarnessError, unknown
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """A name in tables, its FMU's file name, and the parameters that select it."""
+
+    name: str
+    fmu: str
+    parameters: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def file_stem(self) -> str:
+        """The name as part of a file's name."""
+        return self.name.replace("+", "plus")
+
+
+FIDELITIES = {
+    "HF": Fidelity("HF", "EMA_HF.fmu"),
+    "ELF": Fidelity("ELF", "EMA_ELF.fmu"),
+    "ELF+": Fidelity("ELF+", "EMA_ELF.fmu", {"driver.coupled_saturation": 1.0}),
+    "LF": Fidelity("LF", "EMA_LF.fmu"),
+}
+FMU_DIR = Path(__file__).resolve().parent.parent / "fmus"
+"""Where `ema build` puts the FMUs and `ema run` looks for them."""
+
+
+def parse_fidelities(text: str) -> list[Fidelity]:
+    """Fidelities from a comma-separated list such as "HF,ELF+"; HarnessError for an unknown or missing name."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise HarnessError(f"no fidelity given; known: {', '.join(FIDELITIES)}")
+    for name in names:
+        if name not in FIDELITIES:
+            raise unknown("fidelity", name, FIDELITIES)
+    return [FIDELITIES[name] for name in dict.fromkeys(names)]
+
+
+def parse_settings(settings: list[str]) -> dict[str, float]:
+    """Parameters from texts NAME=VALUE, checked against the ports.
+
+    Also takes the inputs load_torque and supply_voltage, which then hold that value unless the trial gives its own.
+    HarnessError for an unknown name, a text that is no number, a value out of range.
+    """
+    values: dict[str, float] = {}
+    settable = {v.name: v for v in (*ports.PARAMETERS, *(i for i in ports.INPUTS if i.name != "command"))}
+    for setting in settings:
+        name, equals, text = (part.strip() for part in setting.partition("="))
+        if not equals:
+            raise HarnessError(f"--set {setting}: NAME=VALUE is needed, such as fault.N_a=0.9")
+        if name not in settable:
+            if name in ports.INDEX:
+                raise HarnessError(f"--set {setting}: {name} is not a parameter; trials give the command, FMUs the outputs")
+            raise unknown("parameter", name, settable)
+        variable = settable[name]
+        try:
+            value = {"true": 1.0, "false": 0.0}[text.lower()] if variable.kind == "Boolean" else float(text)
+        except (KeyError, ValueError):
+            wanted = "true or false" if variable.kind == "Boolean" else "a number"
+            raise HarnessError(f"--set {setting}: '{text}' is not {wanted}") from None
+        if variable.kind == "Integer" and value != round(value):
+            raise HarnessError(f"--set {setting}: {name} is a whole number, {text} is not")
+        low = -float("inf") if variable.minimum is None else variable.minimum
+        high = float("inf") if variable.maximum is None else variable.maximum
+        if not (low <= value <= high and abs(value) != float("inf")):
+            raise HarnessError(f"--set {setting}: {name} = {text} is out of range, {low:g} to {high:g} {variable.unit}")
+        values[name] = value
+    pairs = values.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
+    zeta = values.get("fault.zeta", 0.0)
+    if pairs * zeta >= 1.0:
+        raise HarnessError(f"motor.p * fault.zeta = {pairs * zeta:g} is out of range, less than 1 is needed")
+    return values

@@ -1,0 +1,79 @@
+"""Writes results, each file whole or not at all."""
+
+import io
+import json
+import os
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from harness.compare import Comparison
+from harness.errors import HarnessError
+
+
+def prepare(folder: Path) -> None:
+    """Make `folder` and see that it can be written; HarnessError if not. Called before the runs begin."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise HarnessError(f"{folder}: cannot be written: {error.strerror}") from None
+
+
+def write(path: Path, text: str) -> None:
+    """Write `text` to `path`, through a file beside it that takes its place."""
+    try:
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        os.chmod(file.name, 0o644)
+        os.replace(file.name, path)
+    except OSError as error:
+        raise HarnessError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def trajectory_csv(run: xr.Dataset) -> str:
+    """A run as CSV: time, command and every output, in SI units, 9 significant digits."""
+    columns = [run.time.values, *(run[name].values.astype(float) for name in run.data_vars)]
+    buffer = io.StringIO()
+    header = ",".join(["time", *map(str, run.data_vars)])
+    np.savetxt(buffer, np.column_stack(columns), fmt="%.9g", delimiter=",", header=header, comments="")
+    return buffer.getvalue()
+
+
+def as_json(runs: Iterable[tuple[str, str, xr.Dataset]], comparisons: Iterable[Comparison]) -> str:
+    """Runs (trial, fidelity, dataset) and comparisons as JSON."""
+    return json.dumps(
+        {
+            "runs": [
+                {
+                    "trial": trial,
+                    "fidelity": fidelity,
+                    "wall_s": run.attrs["wall_s"],
+                    "simulated_s": run.attrs["simulated_s"],
+                }
+                for trial, fidelity, run in runs
+            ],
+            "comparisons": [
+                {
+                    key: getattr(item, key)
+                    for key in (
+                        "trial",
+                        "candidate",
+                        "reference",
+                        "variable",
+                        "unit",
+                        "nrmse",
+                        "max_abs",
+                        "t_max_abs",
+                    )
+                }
+                for item in comparisons
+            ],
+        },
+        indent=1,
+        allow_nan=False,
+    )

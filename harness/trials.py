@@ -1,0 +1,143 @@
+"""The trials: what is commanded, and the loads, over time."""
+
+import csv
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError, unknown
+
+STEP = 1e-4
+"""Communication step [s]."""
+DURATION = 2.5
+"""Of the built-in trials [s]."""
+COLUMNS = ("command", "load_torque", "supply_voltage")
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Inputs on the communication grid.
+
+    `start` [s] and `step` [s] give the times start + n*step; `inputs` holds an array of n_steps + 1 values for each
+    input that the trial sets (rad, N.m, V); `source` says where it comes from.
+    """
+
+    name: str
+    start: float
+    step: float
+    inputs: dict[str, Array] = field(repr=False)
+    source: str
+
+    @property
+    def time(self) -> Array:
+        """Communication points [s], shape (n_steps + 1,)."""
+        return self.start + np.arange(len(self.inputs["command"])) * self.step
+
+
+def _sine(amplitude: float, omega: float) -> Callable[[Array], Array]:
+    return lambda t: amplitude * np.sin(omega * t)
+
+
+def _step_ramp(t: Array) -> Array:
+    return np.where(t < 0.01, 0.0, np.where(t < 1.25, 0.1, 0.1 - 0.1 * (t - 1.25)))
+
+
+def _chirp(t: Array) -> Array:
+    """0.05*sin(phase), the frequency rising linearly from 0.2 to 3 Hz over the trial."""
+    return 0.05 * np.sin(2.0 * math.pi * (0.2 * t + 0.5 * (3.0 - 0.2) / DURATION * t * t))
+
+
+def _trapezoid(t: Array) -> Array:
+    """Up, hold, down through zero, hold, back, at 0.05 rad/s between +-0.02 rad: slow, reversing twice."""
+    return np.interp(t, [0.1, 0.5, 0.8, 1.6, 1.9, 2.3], [0.0, 0.02, 0.02, -0.02, -0.02, 0.0])
+
+
+def _load_step(t: Array) -> Array:
+    return np.full_like(t, 0.05)
+
+
+BUILT_IN: dict[str, tuple[Callable[[Array], Array], str]] = {
+    "SIN": (_sine(0.1, 2.0 * math.pi), "paper, Table 1"),
+    "SIN4": (_sine(0.5, 10.0 * math.pi), "paper, Table 1"),
+    "STEP-RAMP": (_step_ramp, "paper, Table 1"),
+    "CHIRP": (_chirp, "ours; the paper mentions a chirp"),
+    "TRAPEZOID": (_trapezoid, "ours, for friction and backlash"),
+    "LOAD-STEP": (_load_step, "ours: hold 0.05 rad, load torque 0 to 6 N.m at 1 s"),
+}
+PAPER = ("SIN", "SIN4", "STEP-RAMP")
+
+
+def trial(name: str) -> Trial:
+    """The built-in trial `name`; HarnessError with the nearest name if there is none."""
+    if name.upper() not in BUILT_IN:
+        raise unknown("trial", name, BUILT_IN)
+    command, source = BUILT_IN[name.upper()]
+    t = np.arange(round(DURATION / STEP) + 1) * STEP
+    inputs = {"command": command(t)}
+    if name.upper() == "LOAD-STEP":
+        inputs["load_torque"] = np.where(t < 1.0 - 0.5 * STEP, 0.0, 6.0)
+    return Trial(name.upper(), 0.0, STEP, inputs, source)
+
+
+def read_trial(path: Path) -> Trial:
+    """A trial from a CSV file: columns time [s], command [rad], optionally load_torque [N.m], supply_voltage [V].
+
+    Values between the rows are interpolated linearly onto the communication grid, from the first to the last time.
+    HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not a UTF-8 text file"
+        raise HarnessError(f"{path}: cannot be read: {reason}") from None
+    lines = list(csv.reader(text.splitlines()))
+    if not lines:
+        raise HarnessError(f"{path}: the file is empty; a header 'time,command' and rows of numbers are needed")
+    header = [name.strip() for name in lines[0]]
+    for name in ("time", "command"):
+        if name not in header:
+            raise HarnessError(f"{path}, line 1: no column '{name}', found: {', '.join(header)}")
+    for name in header:
+        if name not in ("time", *COLUMNS):
+            raise unknown(f"column in {path}, line 1:", name, ("time", *COLUMNS))
+        if header.count(name) > 1:
+            raise HarnessError(f"{path}, line 1: column '{name}' is there twice")
+    rows = []
+    for number, row in enumerate(lines[1:], start=2):
+        if not row:
+            continue
+        if len(row) != len(header):
+            raise HarnessError(f"{path}, line {number}: {len(row)} values, but the header has {len(header)} columns")
+        values = [_number(path, number, name, cell) for name, cell in zip(header, row, strict=True)]
+        t = values[header.index("time")]
+        if rows and t <= rows[-1][header.index("time")]:
+            before = rows[-1][header.index("time")]
+            raise HarnessError(f"{path}, line {number}: time {t:g} s does not come after {before:g} s of the row before")
+        rows.append(values)
+    if len(rows) < 2:
+        raise HarnessError(f"{path}: {len(rows)} row(s) of numbers; at least two are needed")
+    table = dict(zip(header, np.array(rows).T, strict=True))
+    times = table["time"]
+    grid = times[0] + np.arange(int((times[-1] - times[0]) / STEP + 1e-6) + 1) * STEP
+    if len(grid) < 2:
+        raise HarnessError(f"{path}: lasts {times[-1] - times[0]:g} s, less than one communication step of {STEP:g} s")
+    if "supply_voltage" in table and table["supply_voltage"].min() < 0.0:
+        raise HarnessError(f"{path}: supply_voltage goes down to {table['supply_voltage'].min():g} V, at least 0 is needed")
+    inputs = {name: np.interp(grid, times, table[name]) for name in COLUMNS if name in table}
+    return Trial(path.stem, float(times[0]), STEP, inputs, str(path.name))
+
+
+def _number(path: Path, line: int, column: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise HarnessError(f"{path}, line {line}, column {column}: '{text.strip()}' is not a number") from None
+    if not math.isfinite(value):
+        raise HarnessError(f"{path}, line {line}, column {column}: {text.strip()} is not a finite number")
+    return value
