@@ -19,30 +19,35 @@ DATE = (2026, 1, 1, 0, 0, 0)
 
 SCRIPT = '''"""Entry of the FMU EMA_{model}: takes the sources that it was built from, wherever they are."""
 
-import hashlib
+import ctypes
 import importlib
 import sys
 from pathlib import Path
 
 HASH = "{digest}"
 BUNDLE = "{bundle}"
+FOLDER = str(Path(__file__).parent)
+
+# pythonfmu 0.7.0 runs this file in the module's dictionary at each instantiation and then releases that dictionary
+# once too often, which would crash the host after some instances: each run leaves one reference behind.
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+
+if FOLDER in sys.path:  # behind the host's own modules, as pythonfmu's builder in a process that also builds
+    sys.path.append(sys.path.pop(sys.path.index(FOLDER)))
 
 
 def _sources():
     """The installed ema_fmu_src if its content is that of this FMU (its kernels are compiled then), else the bundle."""
     try:
         source = importlib.import_module("ema_fmu_src.fmu.source")
-        if source.content_hash() == HASH:
-            return "ema_fmu_src"
-    except (ImportError, OSError):
-        pass
-    if str(Path(__file__).parent) not in sys.path:
-        sys.path.append(str(Path(__file__).parent))
-    return BUNDLE
+        return "ema_fmu_src" if source.content_hash() == HASH else BUNDLE
+    except (ImportError, AttributeError, OSError):
+        return BUNDLE
 
 
 class EMA_{model}(importlib.import_module(_sources() + ".fmu.slave").Slave):
     model = "{model}"
+    sources = HASH
 '''
 
 
@@ -72,9 +77,12 @@ def is_current(path: Path) -> bool:
 def build(models: Sequence[str] = ports.MODELS, *, out: Path) -> list[Path]:
     """Write EMA_HF.fmu, EMA_ELF.fmu, EMA_LF.fmu (those in `models`) into the folder `out`; returns their paths.
 
-    Each is written whole or not at all. Raises OSError if `out` cannot be written, RuntimeError if a built FMU does not
-    pass FMPy's validation.
+    Each is written whole or not at all. Raises ValueError for an unknown model, OSError if `out` cannot be written,
+    RuntimeError if a built FMU has no binary or does not pass FMPy's validation.
     """
+    unknown = sorted(set(models) - set(ports.MODELS))
+    if unknown:
+        raise ValueError(f"no twin {', '.join(unknown)}: the twins are {', '.join(ports.MODELS)}")
     out.mkdir(parents=True, exist_ok=True)
     return [_build_one(model, out) for model in models]
 
@@ -100,6 +108,9 @@ def _build_one(model: str, out: Path) -> Path:
         finished = Path(scratch) / fmu_name(model)
         _repack(Path(packed), finished)
         problems = validate_fmu(str(finished))
+        with zipfile.ZipFile(finished) as archive:
+            if not any(name.startswith("binaries/") for name in archive.namelist()):
+                problems.append("it has no binary: is pythonfmu's installation whole?")
         if problems:
             raise RuntimeError(f"{fmu_name(model)} does not validate: {'; '.join(problems)}")
         os.replace(finished, out / fmu_name(model))

@@ -1,9 +1,10 @@
-"""The model description, made from `ports`: what pythonfmu's own leaves out or gets wrong is completed here."""
+"""The model description, made from `ports` alone, so that every runtime of a twin carries the same one."""
 
 import uuid
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from .. import __version__, ports
+from ..twins import TWINS
 
 UNITS: dict[str, dict[str, int]] = {
     "rad": {"rad": 1},
@@ -28,7 +29,7 @@ UNITS: dict[str, dict[str, int]] = {
 DISPLAY_UNITS = {"rad": ("deg", 57.29577951308232), "rad/s": ("rpm", 9.549296585513721)}
 """Display unit and its factor for the units that people read in others."""
 
-START_TIME, STOP_TIME, STEP_SIZE, TOLERANCE = "0.0", "2.5", "0.0001", "0.0001"
+START_TIME, STOP_TIME, STEP_SIZE = "0.0", "2.5", "0.0001"
 GENERATED = "2026-01-01T00:00:00Z"
 """Fixed, so that the same source gives the same FMU byte for byte."""
 CATEGORIES = {
@@ -38,6 +39,17 @@ CATEGORIES = {
     "logStatusFatal": "Why the FMU cannot go on",
     "logAll": "All messages",
 }
+
+FLAGS = (
+    "needsExecutionTool",
+    "canHandleVariableCommunicationStepSize",
+    "canInterpolateInputs",
+    "canBeInstantiatedOnlyOncePerProcess",
+    "canNotUseMemoryManagementFunctions",
+    "canGetAndSetFMUstate",
+    "canSerializeFMUstate",
+)
+"""Flags of the CoSimulation element (FMI 2.0, section 4.3.1)."""
 
 
 def _number(value: float) -> str:
@@ -57,6 +69,7 @@ def _units() -> Element:
 
 
 def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> Element:
+    """One ScalarVariable (FMI 2.0, section 2.2.7); inputs have no `initial`, as the standard asks."""
     calculated = variable.causality in ("output", "local")
     attributes = {
         "name": variable.name,
@@ -87,46 +100,43 @@ def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> El
     return element
 
 
-def complete(root: Element, model: str, source_hash: str) -> Element:
-    """Complete pythonfmu's description `root` of the twin `model`, in place; returns it.
+def model_description(model: str, *, runtime: str, source_hash: str, capabilities: dict[str, bool]) -> Element:
+    """The fmiModelDescription of the twin `model` ("HF", "ELF" or "LF"; FMI 2.0, section 2.2).
 
-    Adds units, limits, initial and unknowns, replaces the variables by those of `ports`, fixes date and GUID by content.
+    `runtime` names what runs the kernels, for generationTool. `capabilities` are flags of the CoSimulation element;
+    those that are not named are false. The GUID follows from the description and from `source_hash`, the content of
+    the sources: the same content has the same GUID.
     """
-    root.set("generationTool", f"EMA twins {__version__} ({root.get('generationTool')})")
-    root.set("generationDateAndTime", GENERATED)
-    root.set("version", __version__)
-    root.set("variableNamingConvention", "structured")
-    co_simulation = root.find("CoSimulation")
-    assert co_simulation is not None
-    co_simulation.attrib.update(
-        needsExecutionTool="false",
-        canHandleVariableCommunicationStepSize="true",
-        canInterpolateInputs="false",
-        canBeInstantiatedOnlyOncePerProcess="false",
-        canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
+    root = Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=f"EMA_{model}",
+        guid="",
+        description=TWINS[model].title,
+        version=__version__,
+        generationTool=f"EMA twins {__version__} ({runtime})",
+        generationDateAndTime=GENERATED,
+        variableNamingConvention="structured",
     )
-    for child in list(root):
-        if child is not co_simulation:
-            root.remove(child)
+    flags = dict.fromkeys(FLAGS, False) | capabilities
+    SubElement(
+        root,
+        "CoSimulation",
+        {"modelIdentifier": f"EMA_{model}"} | {name: "true" if flag else "false" for name, flag in flags.items()},
+    )
     root.append(_units())
     categories = SubElement(root, "LogCategories")
     for name, description in CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=description)
-    SubElement(
-        root, "DefaultExperiment", startTime=START_TIME, stopTime=STOP_TIME, stepSize=STEP_SIZE, tolerance=TOLERANCE
-    )
+    SubElement(root, "DefaultExperiment", startTime=START_TIME, stopTime=STOP_TIME, stepSize=STEP_SIZE)
     variables = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(ports.VARIABLES):
         variables.append(_scalar_variable(variable, reference, model))
     structure = SubElement(root, "ModelStructure")
-    outputs = SubElement(structure, "Outputs")
-    unknowns = SubElement(structure, "InitialUnknowns")
-    for reference, variable in enumerate(ports.VARIABLES):
-        if variable.causality == "output":
-            SubElement(outputs, "Unknown", index=str(reference + 1))
-            SubElement(unknowns, "Unknown", index=str(reference + 1))
-    root.set("guid", "")
+    for name in ("Outputs", "InitialUnknowns"):
+        unknowns = SubElement(structure, name)
+        for variable in ports.OUTPUTS:
+            SubElement(unknowns, "Unknown", index=str(ports.INDEX[variable.name] + 1))
     identity = tostring(root).decode() + source_hash
     root.set("guid", "{" + str(uuid.uuid5(uuid.NAMESPACE_URL, identity)) + "}")
     return root

@@ -1,39 +1,63 @@
 """The python runtime: a pythonfmu slave around a twin's kernels.
 
-pythonfmu turns every Python exception into fmi2Fatal, after which a host gives the instance up. So nothing here raises
-for what a host can do wrong: a value that is refused is logged as an error, the old value stays, and the next step is
-discarded (fmi2Discard); a step that is refused is logged and discarded. The instance works on afterwards.
+pythonfmu turns every Python exception into fmi2Fatal and drops the instance, which a host must then give up. So nothing
+here raises for what a host can do wrong: a value that is refused is logged as an error, the old value stays, and the
+next step is discarded (fmi2Discard); a step that is refused is logged and discarded. The instance works on afterwards.
+The messages reach the host's logger if it has instantiated the FMU with loggingOn; pythonfmu holds them back otherwise.
 """
 
+import json
 import math
+import sys
 from collections.abc import Sequence
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability
+from pythonfmu._version import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 from pythonfmu.variables import Boolean, Integer, Real
 
 from .. import ports
 from ..twins import STALE, STATUS, TWINS
-from . import description, source
+from . import description
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean}
-FOLLOWS = 1e-9
-"""A communication point this close to the end of the last step, relative or in seconds, follows it."""
+FOLLOWS_RELATIVE, FOLLOWS = 1e-9, 1e-10
+"""A communication point this close to the end of the last step, relative and in seconds, follows it: hosts add up their
+steps, and are off by some 1e-12 s."""
+CAPABILITIES = {
+    "canHandleVariableCommunicationStepSize": True,
+    "canNotUseMemoryManagementFunctions": True,
+    "canGetAndSetFMUstate": True,
+    "canSerializeFMUstate": True,
+}
+
+
+def _close(time: float) -> float:
+    """How far from `time` another time may lie to count as the same [s]."""
+    return FOLLOWS + FOLLOWS_RELATIVE * abs(time)
+
+
+def _yield_import_path(folder: str | None) -> None:
+    """Move the FMU's folder, which pythonfmu puts first on sys.path, to its end: the host's own modules come first."""
+    if folder in sys.path:
+        sys.path[:] = [entry for entry in sys.path if entry != folder] + [folder]
 
 
 class Slave(Fmi2Slave):
     """One instance of a twin; `model` is set by the class in the FMU ("HF", "ELF" or "LF")."""
 
     model: str
+    sources: str
+    """Content hash of the sources, set by the class in the FMU."""
     log_categories = description.CATEGORIES
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        _yield_import_path(self.resources)
         self.modelName = f"EMA_{self.model}"
-        self.description = TWINS[self.model].title
         self._twin = TWINS[self.model]
         self._v = np.array(ports.starts(self.model), dtype=np.float64)
         self._x = np.zeros(self._twin.n_states, dtype=np.float64)
@@ -60,7 +84,12 @@ class Slave(Fmi2Slave):
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """The model description (FMI 2.0, section 2.2)."""
-        return description.complete(super().to_xml(model_options or {}), self.model, source.content_hash())
+        return description.model_description(
+            self.model,
+            runtime=f"pythonfmu {pythonfmu_version}",
+            source_hash=self.sources,
+            capabilities=CAPABILITIES,
+        )
 
     # --- values -----------------------------------------------------------------------------------------------------
 
@@ -129,8 +158,13 @@ class Slave(Fmi2Slave):
 
     # --- life -------------------------------------------------------------------------------------------------------
 
-    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
         """Start and stop time [s]; the twin's clock starts at zero with the start time. The tolerance is not used."""
+        if not math.isfinite(start_time) or (stop_time is not None and math.isnan(stop_time)):
+            self._refuse(f"start time {start_time} s, stop time {stop_time} s refused: numbers are needed")
+            return
         self._start = self._point = start_time
         self._stop = math.inf if stop_time is None else stop_time
 
@@ -140,6 +174,8 @@ class Slave(Fmi2Slave):
     def exit_initialization_mode(self) -> None:
         self._initialize()
         self._mode = "running"
+        if self._failed:
+            self.log(f"{self.modelName} cannot start: {self._failed}", Fmi2Status.error, "logStatusError")
 
     def _initialize(self) -> None:
         status = int(self._twin.initialize(self._v, self._x))
@@ -165,30 +201,49 @@ class Slave(Fmi2Slave):
 
     def _step_problem(self, current_time: float, step_size: float) -> str:
         """Why a step cannot be taken; empty if it can."""
+        if self._mode != "running":
+            return "the FMU has not been initialized"
         if not (math.isfinite(current_time) and math.isfinite(step_size)):
             return "time and step must be finite"
         if step_size <= 0.0:
             return f"the step size is {step_size} s, more than 0 s is needed"
-        if abs(current_time - self._point) > FOLLOWS * max(1.0, abs(self._point)):
+        if abs(current_time - self._point) > _close(self._point):
             return f"the communication point {current_time} s does not follow the last one, {self._point} s"
-        if current_time + step_size > self._stop + FOLLOWS * max(1.0, abs(self._stop)):
-            return f"it would end at {current_time + step_size} s, after the stop time {self._stop} s"
+        end = current_time + step_size
+        if end <= self._point:
+            return f"it is too short: it would end at {end} s, and the FMU is at {self._point} s"
+        if end > self._stop + _close(self._stop):
+            return f"it would end at {end} s, after the stop time {self._stop} s"
         return ""
 
     # --- state ------------------------------------------------------------------------------------------------------
 
     def _get_fmu_state(self) -> dict[str, Any]:
         return {
+            "twin": [self.model, self.sources],
             "v": self._v.tolist(),
             "x": self._x.tolist(),
             "clock": [self._start, self._point, None if math.isinf(self._stop) else self._stop],
-            "mode": [self._mode, self._refused, self._failed],
+            "mode": [self._mode, self._refused, self._failed, self._fresh],
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        if state.get("twin") != [self.model, self.sources]:
+            self._refuse(
+                f"the FMU state is of {state.get('twin')}, not of {[self.model, self.sources]}; nothing changed"
+            )
+            return
         self._v[:] = state["v"]
         self._x[:] = state["x"]
         self._start, self._point, stop = state["clock"]
         self._stop = math.inf if stop is None else stop
-        self._mode, self._refused, self._failed = state["mode"]
-        self._fresh = False
+        self._mode, self._refused, self._failed, self._fresh = state["mode"]
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
+        """The state in `state`; an empty one, which `_set_fmu_state` refuses, if the bytes are none of ours."""
+        try:
+            decoded = json.loads(state.decode("utf-8"))
+        except ValueError:
+            return {}
+        return decoded if isinstance(decoded, dict) else {}
