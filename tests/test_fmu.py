@@ -340,6 +340,18 @@ def test_status_of_the_kernel_is_told(instance: Instance) -> None:
     instance.run(0, 5)
 
 
+def test_tunable_parameter_is_checked_in_mid_run(instance: Instance) -> None:
+    """The kernel checks motor.p * zeta only when it is told that a parameter has changed."""
+    instance.start()
+    instance.run(0, 5)
+    state = instance.fmu.getFMUstate()
+    instance.set("fault.zeta", 0.6)
+    refused(instance.step, 5 * STEP)
+    assert "motor.p * fault.zeta" in instance.messages[-1][1]
+    instance.fmu.setFMUstate(state)
+    instance.run(5, 10)
+
+
 def test_unknown_reference(instance: Instance) -> None:
     instance.start()
     instance.fmu.setReal([len(ports.VARIABLES)], [1.0])
