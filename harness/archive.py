@@ -3,6 +3,7 @@
 import hashlib
 import stat
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -29,15 +30,19 @@ def unpack(path: Path, into: Path) -> None:
                 raise HarnessError(f"{path}: unpacks to more than {LARGEST // 2**20} MiB")
             for member in members:
                 name = PurePosixPath(member.filename.replace("\\", "/"))
-                if name.is_absolute() or ".." in name.parts or ":" in name.parts[0]:
+                if name.is_absolute() or ".." in name.parts or ":" in member.filename:
                     raise HarnessError(f"{path}: member '{member.filename}' would land outside its folder")
                 if stat.S_ISLNK(member.external_attr >> 16):
                     raise HarnessError(f"{path}: member '{member.filename}' is a link")
             archive.extractall(into)
     except OSError as error:
         raise HarnessError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except zipfile.BadZipFile:
-        raise HarnessError(f"{path}: not an FMU, because it is not a zip archive") from None
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        RuntimeError,
+    ) as error:  # RuntimeError: encrypted, or packed in a way not known
+        raise HarnessError(f"{path}: cannot be unpacked: {error}") from None
 
 
 def describe(path: Path) -> Any:
@@ -48,7 +53,7 @@ def describe(path: Path) -> Any:
         raise HarnessError(f"{path}: not an FMU, because it is not a zip archive")
     try:
         description = read_model_description(str(path), validate=False)
-    except Exception as error:  # FMPy raises plain Exception, lxml and KeyError for a bad modelDescription.xml
+    except Exception as error:  # noqa: BLE001 -- FMPy raises plain Exception, lxml and KeyError for a bad modelDescription.xml
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise HarnessError(f"{path}: not an FMU: its modelDescription.xml cannot be read ({reason})") from None
     if description.fmiVersion != "2.0":
@@ -59,9 +64,7 @@ def describe(path: Path) -> Any:
     wrong = [
         port.name
         for port in (*ports.INPUTS, *ports.OUTPUTS)
-        if port.name not in found
-        or found[port.name].causality != port.causality
-        or found[port.name].type != port.kind
+        if port.name not in found or found[port.name].causality != port.causality or found[port.name].type != port.kind
     ]
     if wrong:
         raise HarnessError(f"{path}: not an EMA twin, these ports are missing or of another kind: {', '.join(wrong)}")

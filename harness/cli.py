@@ -15,11 +15,19 @@ if TYPE_CHECKING:
     from harness.fidelity import Fidelity
     from harness.trials import Trial
 
+INTERRUPTED = 130
+"""Exit code that Typer gives an interrupt from the keyboard."""
+
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A parameter or fault for all runs, such as fault.N_a=0.9."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="A parameter or fault for all runs, such as fault.N_a=0.9; or load_torque or supply_voltage, "
+        "held at that value where the trial does not give its own. May be given several times.",
+    ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write runs and errors as JSON.")]
 FmuDir = Annotated[Path | None, typer.Option("--fmus", metavar="DIR", help="Folder of the FMUs.")]
@@ -37,12 +45,15 @@ def _ema() -> None:
 
 
 @app.command()
-def build(out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the FMUs.")] = None) -> None:
-    """Build EMA_HF.fmu, EMA_ELF.fmu and EMA_LF.fmu."""
-    from ema_fmu_src import ports
-    from harness.fidelity import FMU_DIR
+def build(
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the FMUs.")] = None,
+    fidelity: Annotated[str, typer.Option(metavar="LIST", help="Fidelities, by commas.")] = "HF,ELF,LF",
+) -> None:
+    """Build EMA_HF.fmu, EMA_ELF.fmu (which is ELF+ too) and EMA_LF.fmu."""
+    from harness.fidelity import FMU_DIR, parse_fidelities
 
-    for path in _build([f"EMA_{model}.fmu" for model in ports.MODELS], out or FMU_DIR):
+    names = dict.fromkeys(wanted.fmu for wanted in parse_fidelities(fidelity))
+    for path in _build(list(names), out or FMU_DIR):
         typer.echo(f"built {path}")
 
 
@@ -69,7 +80,7 @@ def run(
     parameters = parse_settings(settings or [])
     results.prepare(out)
     if json_file:
-        results.prepare(json_file.absolute().parent)
+        results.prepare_file(json_file)
     folder = fmus or FMU_DIR
     _build_missing([*wanted, *referred], folder, own=fmus is None)
 
@@ -82,14 +93,16 @@ def run(
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
         results.write(json_file, results.as_json(entries, experiment.comparisons))
     _print_table(experiment)
-    typer.echo(f"page: {out / 'report.html'}   trajectories: {out}{'/'}TRIAL_FIDELITY.csv")
+    typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
 
 
 @app.command()
 def compare(
     candidate: Annotated[Path, typer.Argument(metavar="CANDIDATE.fmu")],
     reference: Annotated[Path, typer.Option(metavar="REFERENCE.fmu", help="What the candidate is compared with.")],
-    trial: Annotated[list[str] | None, typer.Option(metavar="TRIAL", help="Trials; may be given several times.")] = None,
+    trial: Annotated[
+        list[str] | None, typer.Option(metavar="TRIAL", help="Trials; may be given several times.")
+    ] = None,
     trial_file: TrialFile = None,
     settings: Settings = None,
     tube: Annotated[float, typer.Option(help="Half width of the tolerance tube, fraction of the range.")] = 0.01,
@@ -110,7 +123,7 @@ def compare(
     if not 0.0 <= tube <= 1.0:
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
     if json_file:
-        results.prepare(json_file.absolute().parent)
+        results.prepare_file(json_file)
     with Twin(candidate) as twin, Twin(reference) as other:
         pairs = [(twin.run(item, parameters), other.run(item, parameters)) for item in flown]
     names = (candidate.stem, reference.stem)
@@ -153,16 +166,19 @@ def ports(
     table = Table(*PORT_HEADINGS)
     for row in port_rows():
         table.add_row(*row)
-    Console().print(table)
+    Console(width=None if sys.stdout.isatty() else 220).print(table)
 
 
 def _trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
     from harness.trials import PAPER, read_trial, trial
 
-    chosen = [trial(name) for name in dict.fromkeys(name.upper() for name in names or [])]
+    chosen = {flown.name: flown for flown in map(trial, names or [])}
     if file:
-        chosen.append(read_trial(file))
-    return chosen or [trial(name) for name in PAPER]
+        own = read_trial(file)
+        if own.name.upper() in chosen:
+            raise HarnessError(f"--trial-file {file}: {own.name} is flown already, rename the file")
+        chosen[own.name] = own
+    return list(chosen.values()) or [trial(name) for name in PAPER]
 
 
 def _build(names: list[str], folder: Path) -> list[Path]:
@@ -174,6 +190,8 @@ def _build(names: list[str], folder: Path) -> list[Path]:
         return build_fmus([name.removeprefix("EMA_").removesuffix(".fmu") for name in names], out=folder)
     except OSError as error:
         raise HarnessError(f"{folder}: cannot be written: {error.strerror}") from None
+    except RuntimeError as error:
+        raise HarnessError(str(error)) from None
 
 
 def _build_missing(fidelities: "list[Fidelity]", folder: Path, *, own: bool) -> None:
@@ -193,7 +211,11 @@ def _build_missing(fidelities: "list[Fidelity]", folder: Path, *, own: bool) -> 
 
 
 def _fly(
-    trials: "list[Trial]", fidelities: "list[Fidelity]", reference: "Fidelity", folder: Path, parameters: dict[str, float]
+    trials: "list[Trial]",
+    fidelities: "list[Fidelity]",
+    reference: "Fidelity",
+    folder: Path,
+    parameters: dict[str, float],
 ) -> "Experiment":
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -248,6 +270,7 @@ def main() -> None:
     except HarnessError as error:
         typer.echo(f"ema: {error}", err=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        typer.echo("ema: interrupted; what was finished before is written, nothing else", err=True)
-        sys.exit(130)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            typer.echo("ema: interrupted; every file that was written is whole", err=True)
+        raise

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from harness.errors import HarnessError
+
 TUBE = 0.01
 """Half width of the tolerance tube, as a fraction of the reference's range."""
 
@@ -30,16 +32,20 @@ class Comparison:
 
 
 def compare(
-    candidate: xr.Dataset, reference: xr.Dataset, *, names: tuple[str, str], tube: float = TUBE
+    candidate: xr.Dataset, reference: xr.Dataset, *, names: tuple[str, str], tube: float = TUBE, absolute: float = 0.0
 ) -> list[Comparison]:
     """Compare every output of `candidate` with `reference`, on the reference's times within both runs.
 
-    `names` are those of candidate and reference. A candidate on other times is interpolated linearly.
+    `names` are those of candidate and reference. A candidate on other times is interpolated linearly. The tube's half
+    width is `tube` times the reference's range, plus `absolute` in the variable's unit. HarnessError if the runs share
+    no time, or if either holds a value that is not finite.
     """
     start = max(float(candidate.time[0]), float(reference.time[0]))
     stop = min(float(candidate.time[-1]), float(reference.time[-1]))
     inside = (reference.time.values >= start - 1e-12) & (reference.time.values <= stop + 1e-12)
     times = reference.time.values[inside]
+    if not times.size:
+        raise HarnessError(f"{names[0]} and {names[1]} have no time in common: nothing to compare")
     comparisons = []
     for name in reference.data_vars:
         if name == "command" or name not in candidate:
@@ -48,6 +54,10 @@ def compare(
         found = candidate[name].values.astype(float)
         if not np.array_equal(candidate.time.values, times):
             found = np.interp(times, candidate.time.values, found)
+        for run, series in zip(names, (found, expected), strict=True):
+            if not np.isfinite(series).all():
+                when = times[int(np.argmin(np.isfinite(series)))]
+                raise HarnessError(f"{run}: its {name} is no finite number at {when:g} s of {reference.attrs['trial']}")
         difference = np.abs(found - expected)
         spread = float(np.ptp(expected))
         worst = int(np.argmax(difference))
@@ -61,7 +71,7 @@ def compare(
                 rms / spread if spread > 0.0 else (0.0 if rms == 0.0 else None),
                 float(difference[worst]),
                 float(times[worst]),
-                float(np.mean(difference > tube * spread)),
+                float(np.mean(difference > tube * spread + absolute)),
             )
         )
     return comparisons

@@ -51,8 +51,6 @@ def fly(
         for trial in trials
         for name in flown
         if name != reference.name
-        for item in compare(
-            runs[trial.name, name], runs[trial.name, reference.name], names=(name, reference.name)
-        )
+        for item in compare(runs[trial.name, name], runs[trial.name, reference.name], names=(name, reference.name))
     ]
     return Experiment(runs, comparisons, reference.name)

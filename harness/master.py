@@ -34,10 +34,10 @@ def run(
     outputs = np.empty((n_steps + 1, n_real + n_boolean))
     in_refs = (ctypes.c_uint32 * len(input_references))(*input_references)
     in_values = (ctypes.c_double * len(input_references))()
-    in_array = np.frombuffer(in_values, dtype=np.float64)
+    in_array = np.ctypeslib.as_array(in_values)
     real_refs = (ctypes.c_uint32 * n_real)(*real_references)
     real_values = (ctypes.c_double * n_real)()
-    real_array = np.frombuffer(real_values, dtype=np.float64)
+    real_array = np.ctypeslib.as_array(real_values)
     bool_refs = (ctypes.c_uint32 * n_boolean)(*boolean_references)
     bool_values = (ctypes.c_int * n_boolean)()
     component = slave.component

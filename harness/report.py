@@ -1,10 +1,13 @@
 """One self-contained HTML page: errors, wall times and the paper's Figures 5 to 7 from our own runs."""
 
 import html
+import platform
 from collections.abc import Mapping
+from importlib.metadata import version
 
 import numpy as np
 import plotly.graph_objects as go
+import xarray as xr
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
@@ -18,6 +21,8 @@ FIGURES = (
     ("equivalent_current_filtered", "Equivalent current, filtered [A]"),
 )
 """The quantities of the paper's Figures 5 to 7."""
+INSTANTANEOUS = "equivalent_current"
+"""Drawn under the filtered current, hidden until its name in the legend is pressed."""
 COLOURS = {"command": "#888888", "HF": "#1f6fd6", "ELF": "#d65a1f", "ELF+": "#16935b", "LF": "#9a4fc2"}
 DASHES = {"command": "dot", "HF": "solid", "ELF": "dash", "ELF+": "dash", "LF": "dashdot"}
 MOST_POINTS = 2501
@@ -34,12 +39,12 @@ th,td{padding:.3rem .7rem;border-bottom:1px solid var(--line);text-align:right;w
 th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}thead th{color:var(--soft);font-weight:600}
 caption{text-align:left;color:var(--soft);padding-bottom:.4rem}
 code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-x:auto}pre{padding:.7rem}
-.figure{height:46rem}.note{color:var(--soft)}
+.figure{height:46rem}.figure>div{height:100%}.note{color:var(--soft)}
 """
 
 THEME = """
 const dark=window.matchMedia('(prefers-color-scheme: dark)');
-function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',change={'font.color':ink};
+function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',change={'font.color':ink,'hoverlabel.bgcolor':dark.matches?'#1d2329':'#f6f8fa'};
 for(const axis of ['xaxis','xaxis2','xaxis3','yaxis','yaxis2','yaxis3'])
 {change[axis+'.gridcolor']=line;change[axis+'.zerolinecolor']=line;}
 document.querySelectorAll('.figure .plotly-graph-div').forEach(graph=>Plotly.relayout(graph,change));}
@@ -71,9 +76,14 @@ def page(experiment: Experiment, *, parameters: Mapping[str, float], command: st
         f'<div class="scroll">{_table(experiment, trials)}</div>'
         f"{sections}<h2>How this page was made</h2><p>Parameters: {html.escape(settings)}.</p>"
         f"<pre>{html.escape(command)}</pre>"
-        f'<p class="note">EMA twins {__version__}; FMUs: {html.escape(_hashes(experiment))}.</p>'
+        f'<p class="note">EMA twins {__version__}, {html.escape(_versions())}; FMUs: {html.escape(_hashes(experiment))}.</p>'
         f"</main><script>{THEME}</script></body></html>"
     )
+
+
+def _versions() -> str:
+    packages = ", ".join(f"{name} {version(name)}" for name in ("fmpy", "numpy", "plotly"))
+    return f"Python {platform.python_version()}, {packages}, {platform.system()} {platform.machine()}"
 
 
 def _hashes(experiment: Experiment) -> str:
@@ -83,9 +93,7 @@ def _hashes(experiment: Experiment) -> str:
 
 def _errors(experiment: Experiment, trial: str, fidelity: str) -> dict[str, Comparison]:
     return {
-        item.variable: item
-        for item in experiment.comparisons
-        if item.trial == trial and item.candidate == fidelity
+        item.variable: item for item in experiment.comparisons if item.trial == trial and item.candidate == fidelity
     }
 
 
@@ -102,9 +110,7 @@ def _table(experiment: Experiment, trials: list[str]) -> str:
         errors = _errors(experiment, trial, fidelity)
         cells = "".join(f"<td>{percent(errors.get(name))}</td>" for name, _ in FIGURES)
         wall = run.attrs["wall_s"] / run.attrs["simulated_s"]
-        rows.append(
-            f"<tr><td>{html.escape(trial)}</td><td>{html.escape(fidelity)}</td>{cells}<td>{wall:.4f}</td></tr>"
-        )
+        rows.append(f"<tr><td>{html.escape(trial)}</td><td>{html.escape(fidelity)}</td>{cells}<td>{wall:.4f}</td></tr>")
     return (
         "<table><caption>Errors (NRMSE) and wall seconds per simulated second</caption><thead><tr><th>Trial</th>"
         "<th>Fidelity</th><th>Position</th><th>Motor speed</th><th>Current, filtered</th><th>Wall s / s</th></tr></thead>"
@@ -128,21 +134,12 @@ def _figure(trial: str, experiment: Experiment) -> go.Figure:
         curves = [("command", flown[0][1]["command"])] if row == 1 else []
         curves += [(fidelity, run[variable]) for fidelity, run in flown]
         for name, values in curves:
-            stride = max(1, -(-values.size // MOST_POINTS))
-            figure.add_trace(
-                go.Scatter(
-                    x=np.round(values.time.values[::stride], 6).tolist(),
-                    y=[float(f"{value:.6g}") for value in values.values[::stride]],
-                    name=name,
-                    legendgroup=name,
-                    showlegend=row == 1,
-                    mode="lines",
-                    line={"width": 1.6, "color": COLOURS.get(name), "dash": DASHES.get(name, "dash")},
-                ),
-                row=row,
-                col=1,
-            )
+            figure.add_trace(_curve(name, values, showlegend=row == 1), row=row, col=1)
         figure.update_yaxes(title_text=title, row=row, col=1)
+    for fidelity, run in flown:
+        curve = _curve(fidelity, run[INSTANTANEOUS])
+        curve.update(name=f"{fidelity} instantaneous", legendgroup=None, visible="legendonly", opacity=0.5)
+        figure.add_trace(curve, row=len(FIGURES), col=1)
     figure.update_xaxes(title_text="Time [s]", row=len(FIGURES), col=1)
     figure.update_layout(
         paper_bgcolor="rgba(0,0,0,0)",
@@ -152,3 +149,16 @@ def _figure(trial: str, experiment: Experiment) -> go.Figure:
         hovermode="x unified",
     )
     return figure
+
+
+def _curve(name: str, values: xr.DataArray, *, showlegend: bool = True) -> go.Scatter:
+    stride = max(1, -(-values.size // MOST_POINTS))
+    return go.Scatter(
+        x=np.round(values.time.values[::stride], 6).tolist(),
+        y=[float(f"{value:.6g}") for value in values.values[::stride]],
+        name=name,
+        legendgroup=name,
+        showlegend=showlegend,
+        mode="lines",
+        line={"width": 1.6, "color": COLOURS.get(name), "dash": DASHES.get(name, "dash")},
+    )

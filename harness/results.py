@@ -24,8 +24,16 @@ def prepare(folder: Path) -> None:
         raise HarnessError(f"{folder}: cannot be written: {error.strerror}") from None
 
 
+def prepare_file(path: Path) -> None:
+    """As `prepare`, for a file: its folder, and that the path is not a folder itself."""
+    if path.is_dir():
+        raise HarnessError(f"{path}: is a folder, the name of a file is needed")
+    prepare(path.absolute().parent)
+
+
 def write(path: Path, text: str) -> None:
     """Write `text` to `path`, through a file beside it that takes its place."""
+    file = None
     try:
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8", newline="\n") as file:
             file.write(text)
@@ -33,6 +41,9 @@ def write(path: Path, text: str) -> None:
         os.replace(file.name, path)
     except OSError as error:
         raise HarnessError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        if file is not None:
+            Path(file.name).unlink(missing_ok=True)
 
 
 def trajectory_csv(run: xr.Dataset) -> str:

@@ -11,7 +11,7 @@ def _text(value: float | None) -> str:
 
 def port_rows() -> list[tuple[str, ...]]:
     """A row of texts for each variable, under PORT_HEADINGS."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for reference, port in enumerate(ports.VARIABLES):
         starts = {model: port.start_for(model) for model in ports.MODELS}
         if port.causality in ("output", "local"):

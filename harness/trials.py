@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ema_fmu_src import ports
 from harness.errors import HarnessError, unknown
 
 STEP = 1e-4
 """Communication step [s]."""
 DURATION = 2.5
 """Of the built-in trials [s]."""
+MOST_POINTS = 10_000_000
+"""Of a trial from a file: 1000 s; a file that asks for more has its times in another unit, most likely."""
 COLUMNS = ("command", "load_torque", "supply_voltage")
 
 Array = NDArray[np.float64]
@@ -37,7 +40,11 @@ class Trial:
     @property
     def time(self) -> Array:
         """Communication points [s], shape (n_steps + 1,)."""
-        return self.start + np.arange(len(self.inputs["command"])) * self.step
+        return _grid(self.start, len(self.inputs["command"]), self.step)
+
+
+def _grid(start: float, points: int, step: float) -> Array:
+    return start + np.arange(points, dtype=np.float64) * step
 
 
 def _sine(amplitude: float, omega: float) -> Callable[[Array], Array]:
@@ -78,7 +85,7 @@ def trial(name: str) -> Trial:
     if name.upper() not in BUILT_IN:
         raise unknown("trial", name, BUILT_IN)
     command, source = BUILT_IN[name.upper()]
-    t = np.arange(round(DURATION / STEP) + 1) * STEP
+    t = _grid(0.0, round(DURATION / STEP) + 1, STEP)
     inputs = {"command": command(t)}
     if name.upper() == "LOAD-STEP":
         inputs["load_torque"] = np.where(t < 1.0 - 0.5 * STEP, 0.0, 6.0)
@@ -96,7 +103,10 @@ def read_trial(path: Path) -> Trial:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not a UTF-8 text file"
         raise HarnessError(f"{path}: cannot be read: {reason}") from None
-    lines = list(csv.reader(text.splitlines()))
+    try:
+        lines = list(csv.reader(text.splitlines()))
+    except csv.Error as error:
+        raise HarnessError(f"{path}: cannot be read as CSV: {error}") from None
     if not lines:
         raise HarnessError(f"{path}: the file is empty; a header 'time,command' and rows of numbers are needed")
     header = [name.strip() for name in lines[0]]
@@ -108,9 +118,9 @@ def read_trial(path: Path) -> Trial:
             raise unknown(f"column in {path}, line 1:", name, ("time", *COLUMNS))
         if header.count(name) > 1:
             raise HarnessError(f"{path}, line 1: column '{name}' is there twice")
-    rows = []
+    rows: list[list[float]] = []
     for number, row in enumerate(lines[1:], start=2):
-        if not row:
+        if len(row) < 2 and not "".join(row).strip():
             continue
         if len(row) != len(header):
             raise HarnessError(f"{path}, line {number}: {len(row)} values, but the header has {len(header)} columns")
@@ -118,19 +128,32 @@ def read_trial(path: Path) -> Trial:
         t = values[header.index("time")]
         if rows and t <= rows[-1][header.index("time")]:
             before = rows[-1][header.index("time")]
-            raise HarnessError(f"{path}, line {number}: time {t:g} s does not come after {before:g} s of the row before")
+            raise HarnessError(
+                f"{path}, line {number}: time {t:g} s does not come after {before:g} s of the row before"
+            )
         rows.append(values)
     if len(rows) < 2:
         raise HarnessError(f"{path}: {len(rows)} row(s) of numbers; at least two are needed")
     table = dict(zip(header, np.array(rows).T, strict=True))
     times = table["time"]
-    grid = times[0] + np.arange(int((times[-1] - times[0]) / STEP + 1e-6) + 1) * STEP
-    if len(grid) < 2:
-        raise HarnessError(f"{path}: lasts {times[-1] - times[0]:g} s, less than one communication step of {STEP:g} s")
-    if "supply_voltage" in table and table["supply_voltage"].min() < 0.0:
-        raise HarnessError(f"{path}: supply_voltage goes down to {table['supply_voltage'].min():g} V, at least 0 is needed")
+    lasts = float(times[-1] - times[0])
+    if not STEP * (1.0 - 1e-6) <= lasts <= STEP * MOST_POINTS:
+        raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {STEP * MOST_POINTS:g} s can be flown")
+    _check_ranges(path, table)
+    grid = _grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)
     inputs = {name: np.interp(grid, times, table[name]) for name in COLUMNS if name in table}
     return Trial(path.stem, float(times[0]), STEP, inputs, str(path.name))
+
+
+def _check_ranges(path: Path, table: dict[str, Array]) -> None:
+    for port in ports.INPUTS:
+        low = -math.inf if port.minimum is None else port.minimum
+        high = math.inf if port.maximum is None else port.maximum
+        for value in table.get(port.name, np.empty(0)):
+            if not low <= value <= high:
+                raise HarnessError(
+                    f"{path}, column {port.name}: {value:g} is out of range, {low:g} to {high:g} {port.unit}"
+                )
 
 
 def _number(path: Path, line: int, column: str, text: str) -> float:
