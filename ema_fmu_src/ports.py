@@ -50,7 +50,14 @@ class Variable:
         return f"{self.description} (no effect in {model})" if model in self.unused_by else self.description
 
 
-def _input(name: str, unit: str, start: float, description: str, *limits: float | None) -> Variable:
+def _input(
+    name: str,
+    unit: str,
+    start: float,
+    description: str,
+    *,
+    limits: tuple[float | None, float | None] = (None, None),
+) -> Variable:
     return Variable(name, "input", "continuous", "Real", unit, start, description, *limits)
 
 
@@ -78,7 +85,7 @@ def _parameter(
 VARIABLES: tuple[Variable, ...] = (
     _input("command", "rad", 0.0, "Commanded position of the output (user) shaft"),
     _input("load_torque", "N.m", 0.0, "External torque on the user shaft; positive opposes positive rotation"),
-    _input("supply_voltage", "V", 48.0, "DC bus voltage V_dc", 0.0, 2000.0),
+    _input("supply_voltage", "V", 48.0, "DC bus voltage V_dc", limits=(0.0, 2000.0)),
     _output("position", "rad", "User shaft angle, after backlash"),
     _output("motor_position", "rad", "Rotor angle theta, mechanical"),
     _output("motor_speed", "rad/s", "Rotor speed w, mechanical"),

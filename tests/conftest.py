@@ -1,4 +1,4 @@
-"""What the tests share."""
+"""Fixtures: the FMUs, built once for the whole session."""
 
 from pathlib import Path
 
@@ -10,5 +10,6 @@ from ema_fmu_src.fmu.build import build
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The three FMUs, built once: {"HF": path, "ELF": path, "LF": path}."""
-    return dict(zip(ports.MODELS, build(out=tmp_path_factory.mktemp("fmus")), strict=True))
+    """Path of the built FMU of each twin, all in one folder."""
+    paths = build(out=tmp_path_factory.mktemp("fmus"))
+    return dict(zip(ports.MODELS, paths, strict=True))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+numba: Any
 try:
     import numba
 except ImportError:  # an FMU with the python runtime in a host without numba: slower, same results

@@ -99,7 +99,7 @@ def _step(v, x, to, t, h):
 
     T_m = windings.torque(k_a, k_b, k_c, m_a, m_b, m_c)
     load = frame.held_input(v, x, at.LOAD_TORQUE, t + 0.5 * h)
-    theta, w, position, w_mean, T_f = frame.move(v, theta, w, x[o + at.POSITION], T_m, load, h)
+    theta, w, position, _, T_f = frame.move(v, theta, w, x[o + at.POSITION], T_m, load, h)
     s_end, c_end = rotate(s_end, c_end, p * (theta - x[o + at.THETA] - 2.0 * half))
 
     supply = (u_a * m_a + u_b * m_b + u_c * m_c) / V_dc if V_dc > 0.0 else 0.0
