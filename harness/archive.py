@@ -6,6 +6,7 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 from typing import Any
+from xml.etree import ElementTree
 
 from fmpy import read_model_description
 
@@ -45,19 +46,31 @@ def unpack(path: Path, into: Path) -> None:
         raise HarnessError(f"{path}: cannot be unpacked: {error}") from None
 
 
+def _fmi_version(path: Path) -> str:
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
+            _, root = next(ElementTree.iterparse(file, events=("start",)))
+    except KeyError:
+        raise HarnessError(f"{path}: not an FMU, because it holds no modelDescription.xml") from None
+    except (OSError, zipfile.BadZipFile, zlib.error, RuntimeError, ElementTree.ParseError) as error:
+        raise HarnessError(f"{path}: not an FMU: its modelDescription.xml cannot be read ({error})") from None
+    return root.get("fmiVersion", "unknown")
+
+
 def describe(path: Path) -> Any:
     """FMPy's model description of the FMU at `path`; HarnessError unless it is FMI 2.0 co-simulation with our ports."""
     if not path.is_file():
         raise HarnessError(f"{path}: no such file; 'ema build' makes the FMUs")
     if not zipfile.is_zipfile(path):
         raise HarnessError(f"{path}: not an FMU, because it is not a zip archive")
+    version = _fmi_version(path)
+    if version != "2.0":
+        raise HarnessError(f"{path}: FMI {version}, but FMI 2.0 is needed")
     try:
         description = read_model_description(str(path), validate=False)
     except Exception as error:  # noqa: BLE001 -- FMPy raises plain Exception, lxml and KeyError for a bad modelDescription.xml
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise HarnessError(f"{path}: not an FMU: its modelDescription.xml cannot be read ({reason})") from None
-    if description.fmiVersion != "2.0":
-        raise HarnessError(f"{path}: FMI {description.fmiVersion}, but FMI 2.0 is needed")
     if description.coSimulation is None:
         raise HarnessError(f"{path}: not a co-simulation FMU, but FMI 2.0 co-simulation is needed")
     found = {variable.name: variable for variable in description.modelVariables}

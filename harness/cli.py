@@ -115,6 +115,7 @@ def compare(
     from harness import results
     from harness.compare import compare as compare_runs
     from harness.fidelity import parse_settings
+    from harness.interrupt import held
     from harness.report import percent
     from harness.twin import Twin
 
@@ -124,8 +125,9 @@ def compare(
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
     if json_file:
         results.prepare_file(json_file)
-    with Twin(candidate) as twin, Twin(reference) as other:
-        pairs = [(twin.run(item, parameters), other.run(item, parameters)) for item in flown]
+    with held() as check, Twin(candidate) as twin, Twin(reference) as other:
+        watch = {"on_progress": lambda done: check()}
+        pairs = [(twin.run(item, parameters, **watch), other.run(item, parameters, **watch)) for item in flown]
     names = (candidate.stem, reference.stem)
     comparisons: list[Comparison] = []
     for found, expected in pairs:
@@ -221,11 +223,17 @@ def _fly(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from harness.experiment import fly
+    from harness.interrupt import held
 
     names = {reference.name, *(fidelity.name for fidelity in fidelities)}
     points = len(names) * sum(len(trial.time) - 1 for trial in trials)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with held() as check, Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+
+        def advance(done: int) -> None:
+            check()
+            progress.advance(task, done)
+
         task = progress.add_task("starting", total=points)
         return fly(
             trials,
@@ -234,7 +242,7 @@ def _fly(
             fmus=folder,
             parameters=parameters,
             on_run=lambda trial, name: progress.update(task, description=f"{trial} {name}"),
-            on_progress=lambda done: progress.advance(task, done),
+            on_progress=advance,
         )
 
 

@@ -44,7 +44,8 @@ code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-
 
 THEME = """
 const dark=window.matchMedia('(prefers-color-scheme: dark)');
-function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',change={'font.color':ink,'hoverlabel.bgcolor':dark.matches?'#1d2329':'#f6f8fa'};
+function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',
+panel=dark.matches?'#1d2329':'#f6f8fa',change={'font.color':ink,'hoverlabel.bgcolor':panel};
 for(const axis of ['xaxis','xaxis2','xaxis3','yaxis','yaxis2','yaxis3'])
 {change[axis+'.gridcolor']=line;change[axis+'.zerolinecolor']=line;}
 document.querySelectorAll('.figure .plotly-graph-div').forEach(graph=>Plotly.relayout(graph,change));}
@@ -76,7 +77,8 @@ def page(experiment: Experiment, *, parameters: Mapping[str, float], command: st
         f'<div class="scroll">{_table(experiment, trials)}</div>'
         f"{sections}<h2>How this page was made</h2><p>Parameters: {html.escape(settings)}.</p>"
         f"<pre>{html.escape(command)}</pre>"
-        f'<p class="note">EMA twins {__version__}, {html.escape(_versions())}; FMUs: {html.escape(_hashes(experiment))}.</p>'
+        f'<p class="note">EMA twins {__version__}, {html.escape(_versions())}; '
+        f"FMUs: {html.escape(_hashes(experiment))}.</p>"
         f"</main><script>{THEME}</script></body></html>"
     )
 
@@ -92,9 +94,7 @@ def _hashes(experiment: Experiment) -> str:
 
 
 def _errors(experiment: Experiment, trial: str, fidelity: str) -> dict[str, Comparison]:
-    return {
-        item.variable: item for item in experiment.comparisons if item.trial == trial and item.candidate == fidelity
-    }
+    return {item.variable: item for item in experiment.comparisons if item.trial == trial and item.candidate == fidelity}
 
 
 def percent(item: Comparison | None) -> str:
@@ -113,7 +113,8 @@ def _table(experiment: Experiment, trials: list[str]) -> str:
         rows.append(f"<tr><td>{html.escape(trial)}</td><td>{html.escape(fidelity)}</td>{cells}<td>{wall:.4f}</td></tr>")
     return (
         "<table><caption>Errors (NRMSE) and wall seconds per simulated second</caption><thead><tr><th>Trial</th>"
-        "<th>Fidelity</th><th>Position</th><th>Motor speed</th><th>Current, filtered</th><th>Wall s / s</th></tr></thead>"
+        "<th>Fidelity</th><th>Position</th><th>Motor speed</th><th>Current, filtered</th><th>Wall s / s</th></tr>"
+        "</thead>"
         f"<tbody>{''.join(rows)}</tbody></table>"
     )
 
