@@ -77,9 +77,7 @@ def _parameter(
     start_of: dict[str, float] | None = None,
 ) -> Variable:
     variability: Variability = "tunable" if name.startswith("fault.") else "fixed"
-    return Variable(
-        name, "parameter", variability, kind, unit, start, description, *limits, unused_by, start_of or {}
-    )
+    return Variable(name, "parameter", variability, kind, unit, start, description, *limits, unused_by, start_of or {})
 
 
 VARIABLES: tuple[Variable, ...] = (
@@ -138,9 +136,7 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("controller.K_p", "A.s/rad", 1.3, (0.0, 1e3), "Proportional gain of the speed loop"),
     _parameter("controller.K_i", "A/rad", 10.0, (0.0, 1e5), "Integral gain of the speed loop", unused_by=("LF",)),
     _parameter("controller.current_limit", "A", 10.0, (0.0, 1e4), "Limit of the current reference"),
-    _parameter(
-        "controller.period", "s", 1e-4, (1e-6, 0.1), "Sampling period T_c of the controller", unused_by=("LF",)
-    ),
+    _parameter("controller.period", "s", 1e-4, (1e-6, 0.1), "Sampling period T_c of the controller", unused_by=("LF",)),
     _parameter(
         "inverter.hysteresis", "A", 0.25, (1e-3, 1e3), "Half band of the current hysteresis", unused_by=("ELF", "LF")
     ),
@@ -200,9 +196,7 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("fault.zeta", "1", 0.0, (0.0, 0.95), "Static rotor eccentricity, motor.p*zeta < 1; healthy 0"),
     _parameter("fault.phi", "rad", 0.0, (-7.0, 7.0), "Phase of the eccentricity"),
     _parameter("fault.gain", "1", 1.0, (0.0, 10.0), "Scale of controller.K_pos; healthy 1"),
-    _parameter(
-        "fault.jam", "N.m", 0.0, (0.0, 1e3), "Jam: added to the static and Coulomb friction, motor side; healthy 0"
-    ),
+    _parameter("fault.jam", "N.m", 0.0, (0.0, 1e3), "Jam: added to the static and Coulomb friction, motor side; healthy 0"),
     _parameter("fault.magnet", "1", 1.0, (0.1, 1.0), "Magnet demagnetisation: scale of motor.K_e; healthy 1"),
     _parameter("fault.resistance", "1", 1.0, (0.5, 3.0), "Winding temperature: scale of motor.R; healthy 1"),
     _parameter(

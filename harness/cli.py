@@ -100,9 +100,7 @@ def run(
 def compare(
     candidate: Annotated[Path, typer.Argument(metavar="CANDIDATE.fmu")],
     reference: Annotated[Path, typer.Option(metavar="REFERENCE.fmu", help="What the candidate is compared with.")],
-    trial: Annotated[
-        list[str] | None, typer.Option(metavar="TRIAL", help="Trials; may be given several times.")
-    ] = None,
+    trial: Annotated[list[str] | None, typer.Option(metavar="TRIAL", help="Trials; may be given several times.")] = None,
     trial_file: TrialFile = None,
     settings: Settings = None,
     tube: Annotated[float, typer.Option(help="Half width of the tolerance tube, fraction of the range.")] = 0.01,
@@ -260,9 +258,7 @@ def _print_table(experiment: "Experiment") -> None:
             if name != trial:
                 continue
             errors = {
-                item.variable: item
-                for item in experiment.comparisons
-                if item.trial == trial and item.candidate == fidelity
+                item.variable: item for item in experiment.comparisons if item.trial == trial and item.candidate == fidelity
             }
             cells = [percent(errors.get(variable)) for variable, _ in FIGURES]
             wall = dataset.attrs["wall_s"] / dataset.attrs["simulated_s"]

@@ -56,9 +56,7 @@ def parse_settings(settings: list[str]) -> dict[str, float]:
             raise HarnessError(f"--set {setting}: NAME=VALUE is needed, such as fault.N_a=0.9")
         if name not in settable:
             if name in ports.INDEX:
-                raise HarnessError(
-                    f"--set {setting}: {name} is not a parameter; trials give the command, FMUs the outputs"
-                )
+                raise HarnessError(f"--set {setting}: {name} is not a parameter; trials give the command, FMUs the outputs")
             raise unknown("parameter", name, settable)
         variable = settable[name]
         try:

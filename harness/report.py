@@ -42,6 +42,8 @@ code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-
 .figure{height:46rem}.figure>div{height:100%}.note{color:var(--soft)}
 """
 
+CONFIG = {"responsive": True, "displaylogo": False}
+
 THEME = """
 const dark=window.matchMedia('(prefers-color-scheme: dark)');
 function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',
@@ -62,7 +64,7 @@ def page(experiment: Experiment, *, parameters: Mapping[str, float], command: st
     sections = "".join(
         f"<section><h2>{html.escape(trial)}</h2>"
         f'<div class="figure" role="img" aria-label="{html.escape(_spoken(trial, experiment))}">'
-        f"{_figure(trial, experiment).to_html(full_html=False, include_plotlyjs=False, config={'responsive': True})}"
+        f"{_figure(trial, experiment).to_html(full_html=False, include_plotlyjs=False, config=CONFIG)}"
         "</div></section>"
         for trial in trials
     )
@@ -145,8 +147,9 @@ def _figure(trial: str, experiment: Experiment) -> go.Figure:
     figure.update_layout(
         paper_bgcolor="rgba(0,0,0,0)",
         plot_bgcolor="rgba(0,0,0,0)",
-        margin={"l": 70, "r": 20, "t": 40, "b": 50},
-        legend={"orientation": "h", "y": 1.06},
+        margin={"l": 70, "r": 20, "t": 90, "b": 50},
+        legend={"orientation": "h", "yanchor": "bottom", "y": 1.02},
+        modebar={"bgcolor": "rgba(0,0,0,0)"},
         hovermode="x unified",
     )
     return figure

@@ -128,9 +128,7 @@ def read_trial(path: Path) -> Trial:
         t = values[header.index("time")]
         if rows and t <= rows[-1][header.index("time")]:
             before = rows[-1][header.index("time")]
-            raise HarnessError(
-                f"{path}, line {number}: time {t:g} s does not come after {before:g} s of the row before"
-            )
+            raise HarnessError(f"{path}, line {number}: time {t:g} s does not come after {before:g} s of the row before")
         rows.append(values)
     if len(rows) < 2:
         raise HarnessError(f"{path}: {len(rows)} row(s) of numbers; at least two are needed")
@@ -151,9 +149,7 @@ def _check_ranges(path: Path, table: dict[str, Array]) -> None:
         high = math.inf if port.maximum is None else port.maximum
         for value in table.get(port.name, np.empty(0)):
             if not low <= value <= high:
-                raise HarnessError(
-                    f"{path}, column {port.name}: {value:g} is out of range, {low:g} to {high:g} {port.unit}"
-                )
+                raise HarnessError(f"{path}, column {port.name}: {value:g} is out of range, {low:g} to {high:g} {port.unit}")
 
 
 def _number(path: Path, line: int, column: str, text: str) -> float:

@@ -63,7 +63,7 @@ class Twin:
         self._callbacks = callbacks  # the FMU keeps a pointer to them
         try:
             slave.instantiate(callbacks=callbacks, loggingOn=True)
-        except Exception as error:  # FMPy raises plain Exception when the FMU returns no instance
+        except Exception as error:  # noqa: BLE001 - FMPy raises plain Exception when the FMU returns no instance
             raise HarnessError(f"{self.path}: cannot be instantiated: {self._told() or error}") from None
         return slave
 
@@ -76,9 +76,7 @@ class Twin:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
     def close(self) -> None:
@@ -164,9 +162,7 @@ class Twin:
         wall: float,
         outputs: list[ports.Variable],
     ) -> xr.Dataset:
-        data: dict[str, Any] = {
-            "command": ("time", inputs["command"], {"units": "rad", "long_name": "Commanded position"})
-        }
+        data: dict[str, Any] = {"command": ("time", inputs["command"], {"units": "rad", "long_name": "Commanded position"})}
         for column, port in enumerate(outputs):
             series = values[:, column].astype(bool) if port.kind == "Boolean" else values[:, column]
             data[port.name] = ("time", series, {"units": port.unit, "long_name": port.description})
@@ -183,4 +179,3 @@ class Twin:
                 "simulated_s": float(times[-1] - times[0]),
             },
         )
-

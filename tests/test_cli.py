@@ -14,7 +14,6 @@ import pytest
 from ema_fmu_src import ports
 from harness.cli import main
 
-
 HELP = "import sys; from harness.cli import main; sys.argv = ['ema', '--help']; main()"
 
 

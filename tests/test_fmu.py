@@ -392,7 +392,7 @@ def test_holds_its_sources(fmus: dict[str, Path]) -> None:
 
 
 def test_unknown_model(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="XF.*HF, ELF, LF"):
+    with pytest.raises(ValueError, match=r"XF.*HF, ELF, LF"):
         build(["XF"], out=tmp_path)
     assert not list(tmp_path.iterdir())
 

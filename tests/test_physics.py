@@ -92,9 +92,7 @@ def test_coast_down(fidelity):
     )
     flown = flight.fly(lambda t: 0.0, n=4000)
     stop = J / C * math.log(1.0 + w0 * C / T_c)
-    expected = np.where(
-        flown["time"] < stop, (w0 + T_c / C) * np.exp(-C * flown["time"] / J) - T_c / C, 0.0
-    )
+    expected = np.where(flown["time"] < stop, (w0 + T_c / C) * np.exp(-C * flown["time"] / J) - T_c / C, 0.0)
     assert flown["motor_speed"] == pytest.approx(expected, abs=0.02)
     assert np.all(flown["motor_speed"][flown["time"] > stop + 2e-4] == 0.0)
 

@@ -158,9 +158,7 @@ class Slave(Fmi2Slave):
 
     # --- life -------------------------------------------------------------------------------------------------------
 
-    def setup_experiment(
-        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
-    ) -> None:
+    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
         """Start and stop time [s]; the twin's clock starts at zero with the start time. The tolerance is not used."""
         if not math.isfinite(start_time) or (stop_time is not None and math.isnan(stop_time)):
             self._refuse(f"start time {start_time} s, stop time {stop_time} s refused: numbers are needed")
@@ -229,9 +227,7 @@ class Slave(Fmi2Slave):
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         if state.get("twin") != [self.model, self.sources]:
-            self._refuse(
-                f"the FMU state is of {state.get('twin')}, not of {[self.model, self.sources]}; nothing changed"
-            )
+            self._refuse(f"the FMU state is of {state.get('twin')}, not of {[self.model, self.sources]}; nothing changed")
             return
         self._v[:] = state["v"]
         self._x[:] = state["x"]

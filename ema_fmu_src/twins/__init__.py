@@ -56,7 +56,5 @@ TWINS: dict[str, Twin] = {
         elf.advance,
         elf.__doc__ or "",
     ),
-    "LF": Twin(
-        "LF", "Low fidelity: equivalent single phase", lf.N_STATES, lf.initialize, lf.advance, lf.__doc__ or ""
-    ),
+    "LF": Twin("LF", "Low fidelity: equivalent single phase", lf.N_STATES, lf.initialize, lf.advance, lf.__doc__ or ""),
 }

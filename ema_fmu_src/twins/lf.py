@@ -38,14 +38,10 @@ def _step(v, x, to, t, h):
     """One step of length h [s] from the frame OWN at time `t` into the frame `to`."""
     o = at.OWN
     theta, w, position = x[o + at.THETA], x[o + at.W], x[o + at.POSITION]
-    i = monitor.quadrature_current(
-        x[o + at.I_A], x[o + at.I_B], x[o + at.I_C], x[o + at.SIN], x[o + at.COS]
-    )
+    i = monitor.quadrature_current(x[o + at.I_A], x[o + at.I_B], x[o + at.I_C], x[o + at.SIN], x[o + at.COS])
     V_dc = max(0.0, frame.held_input(v, x, at.SUPPLY_VOLTAGE, t + 0.5 * h))
     command = frame.held_input(v, x, at.COMMAND, t)
-    w_ref = controller.speed_reference(
-        command, position, v[at.FAULT_GAIN] * v[at.K_POS], v[at.RATIO], v[at.SPEED_LIMIT]
-    )
+    w_ref = controller.speed_reference(command, position, v[at.FAULT_GAIN] * v[at.K_POS], v[at.RATIO], v[at.SPEED_LIMIT])
     I_ref = controller.speed_p(w_ref, w, v[at.K_P], v[at.CURRENT_LIMIT])
 
     p = v[at.PAIRS]
