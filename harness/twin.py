@@ -97,20 +97,20 @@ class Twin:
     ) -> xr.Dataset:
         """Fly `trial` with `parameters` (name -> value in the port's unit); every output over dimension time [s].
 
+        The inputs load_torque and supply_voltage may stand among the parameters: held where the trial gives none.
         The dataset's variables carry units and long_name; its attributes the trial, the parameters, the FMU's hash,
         wall_s (of the communication loop) and simulated_s. The command is there too.
         """
         if self._slave is None:
             raise HarnessError(f"{self.path}: already closed")
-        parameters = dict(parameters or {})
-        times = trial.time
-        inputs = {name: values for name, values in trial.inputs.items()}
-        for name in [name for name in parameters if name in ("load_torque", "supply_voltage")]:
-            inputs.setdefault(name, np.full(len(times), parameters.pop(name)))
+        given = dict(parameters or {})
+        held = {name: given[name] for name in ("load_torque", "supply_voltage") if name in given}
+        fixed = {name: value for name, value in given.items() if name not in held}
+        inputs = {name: np.full(len(trial.time), value) for name, value in held.items()} | trial.inputs
         reals = [port for port in ports.OUTPUTS if port.kind == "Real"]
         booleans = [port for port in ports.OUTPUTS if port.kind == "Boolean"]
         try:
-            self._begin(trial, parameters, inputs)
+            self._begin(trial, fixed, inputs)
             values, wall = master.run(
                 self._slave,
                 start=trial.start,
@@ -123,7 +123,7 @@ class Twin:
             )
         except FMICallException as error:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {self._told() or error}") from None
-        return self._dataset(trial, parameters, inputs, values, wall, [*reals, *booleans])
+        return self._dataset(trial, given, inputs, values, wall, [*reals, *booleans])
 
     def _begin(self, trial: Trial, parameters: Mapping[str, float], inputs: Mapping[str, Any]) -> None:
         slave = self._slave

@@ -50,7 +50,7 @@ def test_run_has_every_output_with_unit_and_attributes(fmus: dict[str, Path]) ->
     assert run.attrs["trial"] == "SIN4"
     assert run.attrs["simulated_s"] == pytest.approx(299 * STEP)
     assert run.attrs["wall_s"] > 0.0
-    assert run.attrs["parameters"]["fault.N_a"] == 0.9
+    assert run.attrs["parameters"] == {"fault.N_a": 0.9, "supply_voltage": 40.0}
     assert len(run.attrs["fmu_sha256"]) == 64
 
 
