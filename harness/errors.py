@@ -14,5 +14,5 @@ def unknown(what: str, name: str, choices: Iterable[str]) -> HarnessError:
     lowered = {choice.lower(): choice for choice in known}
     nearest = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
     hint = f"did you mean {lowered[nearest[0]]}? " if nearest else ""
-    listed = ", ".join(known) if len(known) <= 12 else "'ema ports' lists them"
-    return HarnessError(f"unknown {what} '{name}': {hint}known: {listed}")
+    listed = f"known: {', '.join(known)}" if len(known) <= 12 else "'ema ports' lists all"
+    return HarnessError(f"unknown {what} '{name}': {hint}{listed}")

@@ -69,7 +69,8 @@ def parse_settings(settings: list[str]) -> dict[str, float]:
         low = -float("inf") if variable.minimum is None else variable.minimum
         high = float("inf") if variable.maximum is None else variable.maximum
         if not (low <= value <= high and abs(value) != float("inf")):
-            raise HarnessError(f"--set {setting}: {name} = {text} is out of range, {low:g} to {high:g} {variable.unit}")
+            unit = "" if variable.unit == "1" else f" {variable.unit}"
+            raise HarnessError(f"--set {setting}: {name} = {text} is out of range, {low:g} to {high:g}{unit}")
         values[name] = value
     pairs = values.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
     zeta = values.get("fault.zeta", 0.0)

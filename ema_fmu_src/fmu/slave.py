@@ -174,6 +174,8 @@ class Slave(Fmi2Slave):
         self._mode = "running"
         if self._failed:
             self.log(f"{self.modelName} cannot start: {self._failed}", Fmi2Status.error, "logStatusError")
+        else:  # numba compiles on the first call: here, on copies, rather than in the host's first step
+            self._twin.advance(self._v.copy(), self._x.copy(), 0.0)
 
     def _initialize(self) -> None:
         status = int(self._twin.initialize(self._v, self._x))
