@@ -35,8 +35,6 @@ class Twin:
     n_states: int
     initialize: Callable[[Any, Any], int]
     advance: Callable[[Any, Any, float], int]
-    equations: str
-    """The opening docstring of the twin's module: its equations, what it covers and what not."""
 
 
 TWINS: dict[str, Twin] = {
@@ -46,7 +44,6 @@ TWINS: dict[str, Twin] = {
         hf.N_STATES,
         hf.initialize,
         hf.advance,
-        hf.__doc__ or "",
     ),
     "ELF": Twin(
         "ELF",
@@ -54,7 +51,6 @@ TWINS: dict[str, Twin] = {
         elf.N_STATES,
         elf.initialize,
         elf.advance,
-        elf.__doc__ or "",
     ),
-    "LF": Twin("LF", "Low fidelity: equivalent single phase", lf.N_STATES, lf.initialize, lf.advance, lf.__doc__ or ""),
+    "LF": Twin("LF", "Low fidelity: equivalent single phase", lf.N_STATES, lf.initialize, lf.advance),
 }

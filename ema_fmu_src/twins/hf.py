@@ -10,7 +10,7 @@ Back-EMF and torque (the paper, Eq. 2): e_j = k_j*w, T_m = sum(k_j*i_j).
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
 
 Between switchings the equations are smooth and are stepped by the midpoint rule (second order). How far a step goes is a
-rule of its own, `_step_length`: to the next event (solver.event_located) or always solver.step.
+rule of its own: `_step_to_event` (solver.event_located) or `_fixed_step`, always solver.step.
 
 Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dynamics, forward voltage of the diodes.
 """
@@ -57,6 +57,34 @@ def _sample(v, x, t):
     x[o + at.REF_COS] = I_ref * c
     x[o + at.REF_SIN] = I_ref * s
     x[o + at.SIN], x[o + at.COS] = sincos(p * theta)
+
+
+@kernel
+def _fixed_step(step, to_tick):
+    """The fixed rule [s]: `step`, the last one before the controller's tick taking up what rounding has left."""
+    return to_tick if to_tick < 1.5 * step else step
+
+
+@kernel
+def _leg_event(h, band, u_j, error_j, ref_slope_j, rest_j, gate_j, i_j, slope_j):
+    """The earlier of `h` and the next event of a leg [s]: the comparator turns, the dead time ends, a diode's current
+    dies out."""
+    h = inverter.time_to_band(u_j, error_j, ref_slope_j - slope_j, band, h)
+    if 0.0 < rest_j < h:
+        h = rest_j
+    return inverter.time_to_zero(gate_j, i_j, slope_j, h)
+
+
+@kernel
+def _step_to_event(
+    h, band, u_a, error_a, ref_a, rest_a, gate_a, i_a, f_a, u_b, error_b, ref_b, rest_b, gate_b, i_b, f_b,
+    u_c, error_c, ref_c, rest_c, gate_c, i_c, f_c,
+):  # fmt: skip
+    """The event rule [s]: to the earliest predicted event of the three legs, at most `h`."""
+    event = _leg_event(h, band, u_a, error_a, ref_a, rest_a, gate_a, i_a, f_a)
+    event = _leg_event(event, band, u_b, error_b, ref_b, rest_b, gate_b, i_b, f_b)
+    event = _leg_event(event, band, u_c, error_c, ref_c, rest_c, gate_c, i_c, f_c)
+    return min(h, max(event, SHORTEST))
 
 
 @kernel
@@ -168,28 +196,22 @@ def advance(v, x, t):
         v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c)
         f_a, f_b, f_c = g_a * (d_a - v_n), g_b * (d_b - v_n), g_c * (d_c - v_n)
 
-        # the stepping rule
-        to_tick = T_c - elapsed
-        h = to_tick if to_tick < 1.5 * largest and not located else min(largest, to_tick)
         if located:
             turn = p * w
-            h_event = inverter.time_to_band(u_a, error_a, -turn * (I_cos * c_a - I_sin * s_a) - f_a, band, h)
-            h_event = inverter.time_to_band(u_b, error_b, -turn * (I_cos * c_b - I_sin * s_b) - f_b, band, h_event)
-            h_event = inverter.time_to_band(u_c, error_c, -turn * (I_cos * c_c - I_sin * s_c) - f_c, band, h_event)
-            if rest_a > 0.0:
-                h_event = min(h_event, rest_a)
-            if rest_b > 0.0:
-                h_event = min(h_event, rest_b)
-            if rest_c > 0.0:
-                h_event = min(h_event, rest_c)
-            if gate_a * gate_b * gate_c == 0.0:
-                h_event = inverter.time_to_zero(gate_a, i_a, f_a, h_event)
-                h_event = inverter.time_to_zero(gate_b, i_b, f_b, h_event)
-                h_event = inverter.time_to_zero(gate_c, i_c, f_c, h_event)
-            h = min(h, max(h_event, SHORTEST))
+            ref_a = -turn * (I_cos * c_a - I_sin * s_a)
+            ref_b = -turn * (I_cos * c_b - I_sin * s_b)
+            ref_c = -turn * (I_cos * c_c - I_sin * s_c)
+            h = _step_to_event(
+                min(largest, T_c - elapsed), band,
+                u_a, error_a, ref_a, rest_a, gate_a, i_a, f_a,
+                u_b, error_b, ref_b, rest_b, gate_b, i_b, f_b,
+                u_c, error_c, ref_c, rest_c, gate_c, i_c, f_c,
+            )  # fmt: skip
             steps += 1
             if steps > MOST_STEPS:
                 return at.STUCK
+        else:
+            h = _fixed_step(largest, T_c - elapsed)
         on_trial = h > left + close
         if on_trial:
             x[o + at.THETA], x[o + at.W], x[o + at.POSITION] = theta, w, position
