@@ -110,9 +110,6 @@ class Twin:
         reals = [port for port in ports.OUTPUTS if port.kind == "Real"]
         booleans = [port for port in ports.OUTPUTS if port.kind == "Boolean"]
         try:
-            if not self._begun:  # an FMU may compile or load at its first step, which is no part of the run's wall time
-                self._begin(trial, fixed, inputs)
-                self._slave.doStep(trial.start, trial.step)
             self._begin(trial, fixed, inputs)
             values, wall = master.run(
                 self._slave,

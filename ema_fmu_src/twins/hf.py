@@ -98,6 +98,21 @@ def _settle(i_old, i_new, gate):
 
 
 @kernel
+def _store(
+    x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
+    filtered, charge, loss, friction,
+):  # fmt: skip
+    """Write what `advance` holds in its variables into the frame at `o`."""
+    x[o + at.THETA], x[o + at.W], x[o + at.POSITION] = theta, w, position
+    x[o + at.SIN], x[o + at.COS] = s, c
+    x[o + at.I_A], x[o + at.I_B], x[o + at.I_C] = i_a, i_b, i_c
+    x[o + at.U_A], x[o + at.U_B], x[o + at.U_C] = u_a, u_b, u_c
+    x[o + at.REST_A], x[o + at.REST_B], x[o + at.REST_C] = rest_a, rest_b, rest_c
+    x[o + at.I_FILTERED], x[o + at.CHARGE], x[o + at.LOSS] = filtered, charge, loss
+    x[o + at.FRICTION] = friction
+
+
+@kernel
 def advance(v, x, t):
     """Run to time `t` [s] since the start; returns a status of layout.STATUS."""
     T_c = v[at.PERIOD]
@@ -214,13 +229,10 @@ def advance(v, x, t):
             h = _fixed_step(largest, T_c - elapsed)
         on_trial = h > left + close
         if on_trial:
-            x[o + at.THETA], x[o + at.W], x[o + at.POSITION] = theta, w, position
-            x[o + at.SIN], x[o + at.COS] = s, c
-            x[o + at.I_A], x[o + at.I_B], x[o + at.I_C] = i_a, i_b, i_c
-            x[o + at.U_A], x[o + at.U_B], x[o + at.U_C] = u_a, u_b, u_c
-            x[o + at.REST_A], x[o + at.REST_B], x[o + at.REST_C] = rest_a, rest_b, rest_c
-            x[o + at.I_FILTERED], x[o + at.CHARGE], x[o + at.LOSS] = filtered, charge, loss
-            x[o + at.FRICTION] = friction
+            _store(
+                x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
+                filtered, charge, loss, friction,
+            )  # fmt: skip
             x[at.OFFSET] = elapsed
             for i in range(at.FRAME_SIZE):
                 x[at.AT_POINT + i] = x[at.OWN + i]
@@ -276,13 +288,10 @@ def advance(v, x, t):
             x[o + at.SATURATED] = 1.0 if error > LIMITED_AT * band else 0.0
             x[at.LIMITED] += x[o + at.SATURATED]
 
-    x[o + at.THETA], x[o + at.W], x[o + at.POSITION] = theta, w, position
-    x[o + at.SIN], x[o + at.COS] = s, c
-    x[o + at.I_A], x[o + at.I_B], x[o + at.I_C] = i_a, i_b, i_c
-    x[o + at.U_A], x[o + at.U_B], x[o + at.U_C] = u_a, u_b, u_c
-    x[o + at.REST_A], x[o + at.REST_B], x[o + at.REST_C] = rest_a, rest_b, rest_c
-    x[o + at.I_FILTERED], x[o + at.CHARGE], x[o + at.LOSS] = filtered, charge, loss
-    x[o + at.FRICTION] = friction
+    _store(
+        x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
+        filtered, charge, loss, friction,
+    )  # fmt: skip
     if x[at.PENDING] == 0.0:
         x[at.OFFSET] = elapsed
     return frame.publish(v, x, t)
