@@ -248,7 +248,7 @@ def _print_table(experiment: "Experiment") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from harness.report import FIGURES, percent
+    from harness.report import FIGURES, errors_of, percent
 
     table = Table(title=f"Errors against {experiment.reference} (NRMSE), and wall time")
     for heading in ("Trial", "Fidelity", "position", "motor_speed", "current, filtered", "wall s / simulated s"):
@@ -257,9 +257,7 @@ def _print_table(experiment: "Experiment") -> None:
         for (name, fidelity), dataset in experiment.runs.items():
             if name != trial:
                 continue
-            errors = {
-                item.variable: item for item in experiment.comparisons if item.trial == trial and item.candidate == fidelity
-            }
+            errors = errors_of(experiment, trial, fidelity)
             cells = [percent(errors.get(variable)) for variable, _ in FIGURES]
             wall = dataset.attrs["wall_s"] / dataset.attrs["simulated_s"]
             table.add_row(trial, fidelity, *cells, f"{wall:.4f}")

@@ -95,7 +95,8 @@ def _hashes(experiment: Experiment) -> str:
     return ", ".join(f"{name} (SHA-256 {digest}...)" for name, digest in found.items())
 
 
-def _errors(experiment: Experiment, trial: str, fidelity: str) -> dict[str, Comparison]:
+def errors_of(experiment: Experiment, trial: str, fidelity: str) -> dict[str, Comparison]:
+    """The comparisons of one run with the reference, by variable; empty for the reference itself."""
     return {item.variable: item for item in experiment.comparisons if item.trial == trial and item.candidate == fidelity}
 
 
@@ -109,7 +110,7 @@ def percent(item: Comparison | None) -> str:
 def _table(experiment: Experiment, trials: list[str]) -> str:
     rows = []
     for (trial, fidelity), run in sorted(experiment.runs.items(), key=lambda entry: trials.index(entry[0][0])):
-        errors = _errors(experiment, trial, fidelity)
+        errors = errors_of(experiment, trial, fidelity)
         cells = "".join(f"<td>{percent(errors.get(name))}</td>" for name, _ in FIGURES)
         wall = run.attrs["wall_s"] / run.attrs["simulated_s"]
         rows.append(f"<tr><td>{html.escape(trial)}</td><td>{html.escape(fidelity)}</td>{cells}<td>{wall:.4f}</td></tr>")

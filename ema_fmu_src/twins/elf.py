@@ -105,21 +105,9 @@ def _step(v, x, to, t, h):
     supply = (u_a * m_a + u_b * m_b + u_c * m_c) / V_dc if V_dc > 0.0 else 0.0
     loss = R * (N_a * m_a * m_a + N_b * m_b * m_b + N_c * m_c * m_c)
     q = monitor.quadrature_current(m_a, m_b, m_c, s, c)
-    x[to + at.I_FILTERED] = monitor.low_pass(x[o + at.I_FILTERED], q, h, v[at.TAU])
-    x[to + at.CHARGE] = x[o + at.CHARGE] + h * supply
-    x[to + at.LOSS] = x[o + at.LOSS] + h * loss
-    x[to + at.I_REF] = I_ref
-    x[to + at.XI] = x[o + at.XI]
-    x[to + at.THETA] = theta
-    x[to + at.W] = w
-    x[to + at.POSITION] = position
-    x[to + at.SIN] = s_end
-    x[to + at.COS] = c_end
-    x[to + at.I_A] = new_a
-    x[to + at.I_B] = new_b
-    x[to + at.I_C] = new_c
-    x[to + at.FRICTION] = T_f
-    x[to + at.SATURATED] = 1.0 if saturated else 0.0
+    frame.store(
+        v, x, to, h, theta, w, position, s_end, c_end, new_a, new_b, new_c, I_ref, T_f, q, supply, loss, saturated
+    )  # fmt: skip
 
 
 @kernel

@@ -111,6 +111,32 @@ def move(v, theta, w, position, T_m, load_torque, h):
 
 
 @kernel
+def store(
+    v, x, to, h, theta, w, position, s, c, i_a, i_b, i_c, I_ref, T_f, q, supply, loss, saturated,
+):  # fmt: skip
+    """Write the end of a step of length h [s] from the frame OWN into the frame `to`.
+
+    q, supply, loss: quadrature current [A], supply current [A] and copper loss [W], mean over the step.
+    """
+    o = at.OWN
+    x[to + at.I_FILTERED] = monitor.low_pass(x[o + at.I_FILTERED], q, h, v[at.TAU])
+    x[to + at.CHARGE] = x[o + at.CHARGE] + h * supply
+    x[to + at.LOSS] = x[o + at.LOSS] + h * loss
+    x[to + at.XI] = x[o + at.XI]
+    x[to + at.THETA] = theta
+    x[to + at.W] = w
+    x[to + at.POSITION] = position
+    x[to + at.SIN] = s
+    x[to + at.COS] = c
+    x[to + at.I_A] = i_a
+    x[to + at.I_B] = i_b
+    x[to + at.I_C] = i_c
+    x[to + at.I_REF] = I_ref
+    x[to + at.FRICTION] = T_f
+    x[to + at.SATURATED] = 1.0 if saturated else 0.0
+
+
+@kernel
 def publish(v, x, t):
     """End a communication step at time `t` [s]: write the outputs; returns a status."""
     o = at.AT_POINT if x[at.PENDING] != 0.0 else at.OWN

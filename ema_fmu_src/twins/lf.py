@@ -73,20 +73,11 @@ def _step(v, x, to, t, h):
     s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
 
     supply = 1.5 * voltage * mean / V_dc if V_dc > 0.0 else 0.0
-    x[to + at.I_FILTERED] = monitor.low_pass(x[o + at.I_FILTERED], mean, h, v[at.TAU])
-    x[to + at.CHARGE] = x[o + at.CHARGE] + h * supply
-    x[to + at.LOSS] = x[o + at.LOSS] + h * 1.5 * R_copper * mean * mean
-    x[to + at.I_REF] = I_ref
-    x[to + at.THETA] = theta
-    x[to + at.W] = w
-    x[to + at.POSITION] = position
-    x[to + at.SIN] = s
-    x[to + at.COS] = c
-    x[to + at.I_A] = -new * s_a
-    x[to + at.I_B] = -new * s_b
-    x[to + at.I_C] = -new * s_c
-    x[to + at.FRICTION] = T_f
-    x[to + at.SATURATED] = 1.0 if voltage != need else 0.0
+    loss = 1.5 * R_copper * mean * mean
+    i_a, i_b, i_c = -new * s_a, -new * s_b, -new * s_c
+    frame.store(
+        v, x, to, h, theta, w, position, s, c, i_a, i_b, i_c, I_ref, T_f, mean, supply, loss, voltage != need
+    )  # fmt: skip
 
 
 @kernel
