@@ -1,0 +1,36 @@
+"""The command line `ema`, one command a file; heavy libraries are imported inside the commands: help comes at once."""
+
+import sys
+
+import typer
+
+from harness.cli.build import build
+from harness.cli.compare import compare
+from harness.cli.ports import ports
+from harness.cli.run import run
+from harness.errors import HarnessError
+
+INTERRUPTED = 130
+"""Exit code that Typer gives an interrupt from the keyboard."""
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+for command in (build, run, compare, ports):
+    app.command()(command)
+
+
+@app.callback()
+def _ema() -> None:
+    """Digital twins of an electromechanical flight-control actuator: build, fly and compare them as FMUs."""
+
+
+def main() -> None:
+    """Entry point: bad input is one line on stderr and exit code 2, an interrupt one line and 130."""
+    try:
+        app()
+    except HarnessError as error:
+        typer.echo(f"ema: {error}", err=True)
+        sys.exit(2)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            typer.echo("ema: interrupted; every file that was written is whole", err=True)
+        raise

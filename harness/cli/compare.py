@@ -1,0 +1,65 @@
+"""`ema compare`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harness.cli.options import JsonFile, Settings, TrialFile, chosen_trials
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from harness.compare import Comparison
+
+
+def compare(
+    candidate: Annotated[Path, typer.Argument(metavar="CANDIDATE.fmu")],
+    reference: Annotated[Path, typer.Option(metavar="REFERENCE.fmu", help="What the candidate is compared with.")],
+    trial: Annotated[list[str] | None, typer.Option(metavar="TRIAL", help="Trials; may be given several times.")] = None,
+    trial_file: TrialFile = None,
+    settings: Settings = None,
+    tube: Annotated[float, typer.Option(help="Half width of the tolerance tube, fraction of the range.")] = 0.01,
+    json_file: JsonFile = None,
+) -> None:
+    """Compare any FMU that has the ports with a reference FMU, variable by variable."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from harness import results
+    from harness.compare import compare as compare_runs
+    from harness.fidelity import parse_settings
+    from harness.interrupt import held
+    from harness.report import percent
+    from harness.twin import Twin
+
+    flown = chosen_trials(trial, trial_file)
+    parameters = parse_settings(settings or [])
+    if not 0.0 <= tube <= 1.0:
+        raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
+    if json_file:
+        results.prepare_file(json_file)
+    with held() as check, Twin(candidate) as twin, Twin(reference) as other:
+        watch = {"on_progress": lambda done: check()}
+        pairs = [(twin.run(item, parameters, **watch), other.run(item, parameters, **watch)) for item in flown]
+    names = (candidate.stem, reference.stem)
+    comparisons: list[Comparison] = []
+    for found, expected in pairs:
+        comparisons += compare_runs(found, expected, names=names, tube=tube)
+    if json_file:
+        entries = [
+            (dataset.attrs["trial"], name, dataset) for pair in pairs for name, dataset in zip(names, pair, strict=True)
+        ]
+        results.write(json_file, results.as_json(entries, comparisons))
+    table = Table(title=f"{names[0]} against {names[1]}")
+    for heading in ("Trial", "Variable", "NRMSE", "Largest error", "at", f"Outside {100 * tube:g} %"):
+        table.add_column(heading, justify="left" if heading in ("Trial", "Variable") else "right")
+    for item in comparisons:
+        table.add_row(
+            item.trial,
+            item.variable,
+            percent(item),
+            f"{item.max_abs:.4g} {item.unit}",
+            f"{item.t_max_abs:.4f} s",
+            f"{100 * item.outside:.2f} %",
+        )
+    Console().print(table)

@@ -1,0 +1,110 @@
+"""`ema run`."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harness.cli.build import build_missing
+from harness.cli.options import FmuDir, JsonFile, Settings, TrialFile, chosen_trials
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from harness.experiment import Experiment
+    from harness.fidelity import Fidelity
+    from harness.trials import Trial
+
+
+def run(
+    trials: Annotated[list[str] | None, typer.Argument(metavar="[TRIAL ...]", help="SIN, SIN4, STEP-RAMP, ...")] = None,
+    fidelity: Annotated[str, typer.Option(metavar="LIST", help="Fidelities, by commas.")] = "HF,ELF,ELF+,LF",
+    trial_file: TrialFile = None,
+    settings: Settings = None,
+    reference: Annotated[str, typer.Option(metavar="FIDELITY", help="What the others are compared with.")] = "HF",
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trajectories and page.")] = Path("results"),
+    json_file: JsonFile = None,
+    fmus: FmuDir = None,
+) -> None:
+    """Fly trials with all fidelities, compare them, write trajectories (CSV) and a page (HTML)."""
+    from harness import report, results
+    from harness.fidelity import FIDELITIES, FMU_DIR, parse_fidelities, parse_settings
+
+    flown = chosen_trials(trials, trial_file)
+    wanted = parse_fidelities(fidelity)
+    referred = parse_fidelities(reference)
+    if len(referred) != 1:
+        raise HarnessError(f"--reference {reference}: one fidelity is needed, of {', '.join(FIDELITIES)}")
+    parameters = parse_settings(settings or [])
+    results.prepare(out)
+    if json_file:
+        results.prepare_file(json_file)
+    folder = fmus or FMU_DIR
+    build_missing([*wanted, *referred], folder, own=fmus is None)
+
+    experiment = _fly(flown, wanted, referred[0], folder, parameters)
+    for (trial, name), dataset in experiment.runs.items():
+        results.write(out / f"{trial}_{FIDELITIES[name].file_stem}.csv", results.trajectory_csv(dataset))
+    command = shlex.join(["ema", *sys.argv[1:]])
+    results.write(out / "report.html", report.page(experiment, parameters=parameters, command=command))
+    if json_file:
+        entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
+        results.write(json_file, results.as_json(entries, experiment.comparisons))
+    _print_table(experiment)
+    typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
+
+
+def _fly(
+    trials: "list[Trial]",
+    fidelities: "list[Fidelity]",
+    reference: "Fidelity",
+    folder: Path,
+    parameters: dict[str, float],
+) -> "Experiment":
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from harness.experiment import fly
+    from harness.interrupt import held
+
+    names = {reference.name, *(fidelity.name for fidelity in fidelities)}
+    points = len(names) * sum(len(trial.time) - 1 for trial in trials)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with held() as check, Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+
+        def advance(done: int) -> None:
+            check()
+            progress.advance(task, done)
+
+        task = progress.add_task("starting", total=points)
+        return fly(
+            trials,
+            fidelities,
+            reference,
+            fmus=folder,
+            parameters=parameters,
+            on_run=lambda trial, name: progress.update(task, description=f"{trial} {name}"),
+            on_progress=advance,
+        )
+
+
+def _print_table(experiment: "Experiment") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from harness.report import FIGURES, errors_of, percent
+
+    table = Table(title=f"Errors against {experiment.reference} (NRMSE), and wall time")
+    for heading in ("Trial", "Fidelity", "position", "motor_speed", "current, filtered", "wall s / simulated s"):
+        table.add_column(heading, justify="left" if heading in ("Trial", "Fidelity") else "right")
+    for trial in dict.fromkeys(trial for trial, _ in experiment.runs):
+        for (name, fidelity), dataset in experiment.runs.items():
+            if name != trial:
+                continue
+            errors = errors_of(experiment, trial, fidelity)
+            cells = [percent(errors.get(variable)) for variable, _ in FIGURES]
+            wall = dataset.attrs["wall_s"] / dataset.attrs["simulated_s"]
+            table.add_row(trial, fidelity, *cells, f"{wall:.4f}")
+        table.add_section()
+    Console().print(table)
