@@ -20,7 +20,7 @@ from pythonfmu.enums import Fmi2Status
 from pythonfmu.variables import Boolean, Integer, Real
 
 from .. import ports
-from ..twins import STALE, STATUS, TWINS
+from ..twins import STALE, STATUS, TOLERANCE, TWINS
 from . import description
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean}
@@ -67,6 +67,7 @@ class Slave(Fmi2Slave):
         self._failed = ""  # why no step is possible any more
         self._start = self._point = 0.0
         self._stop = math.inf
+        self._tolerance = 0.0
         for variable in ports.VARIABLES:
             self.register_variable(
                 KINDS[variable.kind](
@@ -159,12 +160,19 @@ class Slave(Fmi2Slave):
     # --- life -------------------------------------------------------------------------------------------------------
 
     def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
-        """Start and stop time [s]; the twin's clock starts at zero with the start time. The tolerance is not used."""
-        if not math.isfinite(start_time) or (stop_time is not None and math.isnan(stop_time)):
-            self._refuse(f"start time {start_time} s, stop time {stop_time} s refused: numbers are needed")
+        """Start and stop time [s], relative tolerance; the twin's clock starts at zero with the start time."""
+        if not math.isfinite(start_time):
+            self._refuse(f"start time {start_time} s refused: a finite number is needed")
+            return
+        if stop_time is not None and not stop_time >= start_time:
+            self._refuse(f"stop time {stop_time} s refused: it is before the start time {start_time} s")
+            return
+        if tolerance is not None and not 0.0 < tolerance < math.inf:
+            self._refuse(f"tolerance {tolerance} refused: a number above 0 is needed")
             return
         self._start = self._point = start_time
         self._stop = math.inf if stop_time is None else stop_time
+        self._tolerance = tolerance or 0.0
 
     def enter_initialization_mode(self) -> None:
         self._mode = "initializing"
@@ -179,6 +187,7 @@ class Slave(Fmi2Slave):
 
     def _initialize(self) -> None:
         status = int(self._twin.initialize(self._v, self._x))
+        self._x[TOLERANCE] = self._tolerance
         self._failed = STATUS[status]
         self._fresh = True
 
@@ -223,7 +232,7 @@ class Slave(Fmi2Slave):
             "twin": [self.model, self.sources],
             "v": self._v.tolist(),
             "x": self._x.tolist(),
-            "clock": [self._start, self._point, None if math.isinf(self._stop) else self._stop],
+            "clock": [self._start, self._point, None if math.isinf(self._stop) else self._stop, self._tolerance],
             "mode": [self._mode, self._refused, self._failed, self._fresh],
         }
 
@@ -233,7 +242,7 @@ class Slave(Fmi2Slave):
             return
         self._v[:] = state["v"]
         self._x[:] = state["x"]
-        self._start, self._point, stop = state["clock"]
+        self._start, self._point, stop, self._tolerance = state["clock"]
         self._stop = math.inf if stop is None else stop
         self._mode, self._refused, self._failed, self._fresh = state["mode"]
 

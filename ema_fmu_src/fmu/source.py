@@ -1,14 +1,30 @@
-"""The sources that go into an FMU, and the hash that names their content."""
+"""The sources that FMUs are made from, and the hash that names their content."""
 
 import hashlib
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent.parent
+RUNTIME = (
+    "__init__.py",
+    "ports.py",
+    "physics/*.py",
+    "twins/*.py",
+    "fmu/__init__.py",
+    "fmu/description.py",
+    "fmu/slave.py",
+    "fmu/source.py",
+)
+"""What the python runtime needs inside the FMU."""
 
 
 def files(package: Path = PACKAGE) -> list[Path]:
-    """Python files of `package` that an FMU needs at run time, in a fixed order."""
-    return sorted(path for path in package.rglob("*.py") if path.name != "build.py")
+    """All sources of `package`, in a fixed order."""
+    return sorted([*package.rglob("*.py"), *package.rglob("*.c")])
+
+
+def runtime_files(package: Path = PACKAGE) -> list[Path]:
+    """Those of `RUNTIME`, in a fixed order."""
+    return sorted(path for pattern in RUNTIME for path in package.glob(pattern))
 
 
 def content_hash(package: Path = PACKAGE) -> str:

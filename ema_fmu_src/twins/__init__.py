@@ -5,8 +5,9 @@ The contract between a twin and whatever runs it (the native runtime's C, the py
 - `v`, float64, one place a variable of `ports.VARIABLES` (its value reference): the host writes inputs and parameters,
   the twin writes outputs and local variables.
 - `x`, float64, `n_states` places: everything that the twin remembers, so that a copy of `v` and `x` is a copy of the
-  twin. The host writes two things into it: `x[STALE] = 1.0` after a tunable parameter has changed, and
-  `x[SLOPE + i]`, the slope of input i over the coming step (per second; 0 holds the input).
+  twin. The host writes three things into it: `x[STALE] = 1.0` after a tunable parameter has changed, `x[SLOPE + i]`,
+  the slope of input i over the coming step (per second; 0 holds the input), and, after `initialize`, `x[TOLERANCE]`, the
+  relative tolerance of the experiment (0: none given).
 - `initialize(v, x) -> status` starts the twin at time 0 from the parameters and inputs in `v` and writes the outputs.
 - `advance(v, x, t) -> status` runs to time `t` in seconds since the start and writes the outputs. The inputs in `v` are
   those at the beginning of the step. Steps may have any length > 0; the twin keeps its own ticks.
@@ -21,9 +22,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import elf, hf, lf
-from .layout import SLOPE, STALE, STATUS
+from .layout import SLOPE, STALE, STATUS, TOLERANCE
 
-__all__ = ["SLOPE", "STALE", "STATUS", "TWINS", "Twin"]
+__all__ = ["SLOPE", "STALE", "STATUS", "TOLERANCE", "TWINS", "Twin"]
 
 
 @dataclass(frozen=True)

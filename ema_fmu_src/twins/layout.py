@@ -20,6 +20,7 @@ POINT = 11  # time of the last communication point [s]
 POINT_CHARGE = 12  # charge and loss at the last communication point
 POINT_LOSS = 13
 LIMITED = 14  # 1: voltage-limited at some time since the last communication point
+TOLERANCE = 15  # written by the host after initialize: relative tolerance of the experiment; 0: none given
 
 # --- x: two frames of the same shape --------------------------------------------------------------------------------
 THETA, W, POSITION, SIN, COS = 0, 1, 2, 3, 4  # rotor angle and speed, user shaft; sine and cosine of theta_e

@@ -1,0 +1,124 @@
+"""Emits a twin's kernels as object code with no Python in it, for any target, on any machine.
+
+Run as a program of its own (`python -m ema_fmu_src.fmu.native.emit MODEL FOLDER TRIPLE ...`), because numba takes its
+target processor from the environment when it is imported: a generic one, so that the code runs on every machine of
+the target's architecture.
+
+The recipe: numba compiles `initialize` and `advance` for plain pointers to float64; of the LLVM module everything but
+those two becomes internal, so that numba's wrappers for Python fall away; what is left is optimised and emitted for
+each target. Nothing may be left that reaches outside the kernels, nor a way to raise. The recipe leans on numba's
+mangled names and calling convention and on llvmlite's pass builder: pyproject pins both.
+"""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+ENVIRONMENT = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT": "3"}
+"""What `main` needs in its environment."""
+
+ENTRY = """
+define hidden i32 @ema_{name}({arguments}) {{
+  %result = alloca i64
+  %exception = alloca ptr
+  %code = call i32 @{kernel}(ptr %result, ptr %exception, {arguments})
+  %status = load i64, ptr %result
+  %narrow = trunc i64 %status to i32
+  ret i32 %narrow
+}}
+"""
+"""`int ema_NAME(ARGUMENTS)`: numba's own convention is `int kernel(result *, exception **, ARGUMENTS)`, whose code is not 0
+only after a raise, and `_checked` finds that there is none."""
+
+
+INSTRUCTIONS = re.compile(r"llvm\.(fabs|memset|memcpy|assume|lifetime|smax|smin|umax|umin)\b.*")
+"""LLVM's intrinsics that become instructions (or memset and memcpy) on every target."""
+
+
+class EmitError(RuntimeError):
+    """A kernel that cannot live without Python, and why."""
+
+
+def _kernel_module(llvm: Any, function: Any, name: str, numbers: int) -> Any:
+    """The module of one kernel of two pointers and `numbers` float64, with an entry `ema_<name>` and all else internal."""
+    from numba import types
+
+    pointer = types.CPointer(types.float64)
+    signature = (pointer, pointer, *[types.float64] * numbers)
+    function.compile(signature)
+    result = function.overloads[signature].signature.return_type
+    if result != types.int64:
+        raise EmitError(f"{name}: returns {result}, a status (int64) is needed")
+    kernel = function.overloads[signature].fndesc.llvm_func_name
+    arguments = ", ".join(["ptr %v", "ptr %x", *(f"double %t{n}" for n in range(numbers))])
+    module = llvm.parse_assembly(
+        function.inspect_llvm(signature) + ENTRY.format(name=name, arguments=arguments, kernel=kernel)
+    )
+    for item in (*module.functions, *module.global_variables):
+        if not item.is_declaration and item.name != f"ema_{name}":
+            item.linkage = llvm.Linkage.internal
+    return module
+
+
+def _optimise(llvm: Any, module: Any, machine: Any) -> None:
+    """LLVM's own pipeline at -O3; it knows nothing of fast-math, so that the bits stay."""
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    builder = llvm.create_pass_builder(machine, options)
+    passes = builder.getModulePassManager()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(module, builder)
+
+
+def _checked(module: Any, model: str) -> Any:
+    """`module`; EmitError if it reaches outside itself or could raise."""
+    outside = [item.name for item in (*module.functions, *module.global_variables) if item.is_declaration]
+    outside = [name for name in outside if not INSTRUCTIONS.fullmatch(name)]
+    outside += ["fmod (a remainder of floats)"] if " frem " in str(module) else []
+    if outside:
+        raise EmitError(f"{model}: the kernels call {', '.join(sorted(outside))}; arithmetic alone can be emitted")
+    if any("picklebuf" in item.name for item in module.global_variables):  # what numba keeps of an exception
+        raise EmitError(f"{model}: a kernel can raise; a status code is needed instead")
+    return module
+
+
+def emit(model: str, triples: list[str]) -> dict[str, bytes]:
+    """Object code of the twin `model` for each LLVM target triple, with `ema_initialize` and `ema_advance` in it."""
+    import llvmlite.binding as llvm
+    from numba.core import config
+
+    from ...twins import TWINS
+
+    if getattr(config, "CPU_NAME", None) != ENVIRONMENT["NUMBA_CPU_NAME"]:
+        raise EmitError(f"numba would compile for this machine: set {ENVIRONMENT} before it is imported")
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    twin = TWINS[model]
+    module = _kernel_module(llvm, twin.initialize, "initialize", 0)
+    module.link_in(_kernel_module(llvm, twin.advance, "advance", 1))
+    text = str(module)
+    objects = {}
+    for triple in triples:
+        machine = llvm.Target.from_triple(triple).create_target_machine(opt=3, reloc="pic", codemodel="default")
+        own = llvm.parse_assembly(text)
+        own.triple = triple
+        own.data_layout = str(machine.target_data)
+        _optimise(llvm, own, machine)
+        objects[triple] = machine.emit_object(_checked(own, model))
+    return objects
+
+
+def main() -> int:
+    """Write FOLDER/MODEL-TRIPLE.o for each TRIPLE; exit code 2 and a line on stderr if that cannot be."""
+    model, folder, *triples = sys.argv[1:]
+    try:
+        for triple, code in emit(model, triples).items():
+            (Path(folder) / f"{model}-{triple}.o").write_bytes(code)
+    except EmitError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

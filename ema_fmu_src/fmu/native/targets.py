@@ -1,0 +1,61 @@
+"""The platforms that a native FMU can carry a binary for."""
+
+import platform
+import sys
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Target:
+    """One machine and operating system, and what the tools call it."""
+
+    triple: str
+    """LLVM's name, for the emitted kernels."""
+    zig: str
+    """zig's name, for the C part and the linker."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """One binary in an FMU: its folder under binaries/, its suffix, and the targets in it (two in a universal one)."""
+
+    folder: str
+    suffix: str
+    targets: tuple[Target, ...]
+
+
+LINUX_X86 = Target("x86_64-unknown-linux-gnu", "x86_64-linux-gnu.2.17")
+LINUX_ARM = Target("aarch64-unknown-linux-gnu", "aarch64-linux-gnu.2.17")
+WINDOWS_X86 = Target("x86_64-w64-windows-gnu", "x86_64-windows-gnu")
+MAC_X86 = Target("x86_64-apple-macosx11.0.0", "x86_64-macos.11.0")
+MAC_ARM = Target("arm64-apple-macosx11.0.0", "aarch64-macos.11.0")
+
+PLATFORMS = {
+    "linux64": Platform("linux64", ".so", (LINUX_X86,)),
+    "linux-arm64": Platform("aarch64-linux", ".so", (LINUX_ARM,)),
+    "win64": Platform("win64", ".dll", (WINDOWS_X86,)),
+    "darwin64": Platform("darwin64", ".dylib", (MAC_X86, MAC_ARM)),
+}
+"""By the name that `ema build --platform` takes. FMI 2.0 names the folders; it has none for Linux on arm64, which takes
+FMI 3.0's (section 2.5.1.1)."""
+
+
+def host() -> str:
+    """Name in `PLATFORMS` of the machine this runs on; ValueError if no FMU can be built for it."""
+    arm = platform.machine().lower() in ("arm64", "aarch64")
+    name = {"linux": "linux-arm64" if arm else "linux64", "win32": "win64", "darwin": "darwin64"}.get(sys.platform)
+    if name is None:
+        raise ValueError(f"no native FMU for the platform {sys.platform}: the platforms are {', '.join(PLATFORMS)}")
+    return name
+
+
+def parse(text: str) -> list[str]:
+    """Names in `PLATFORMS` from a comma-separated list in which `host` and `all` may stand; ValueError for another."""
+    chosen: dict[str, None] = {}
+    for name in (part.strip() for part in text.split(",") if part.strip()):
+        if name not in ("host", "all", *PLATFORMS):
+            raise ValueError(f"no platform {name}: host, all, {', '.join(PLATFORMS)} are known")
+        chosen |= dict.fromkeys(PLATFORMS if name == "all" else [host() if name == "host" else name])
+    if not chosen:
+        raise ValueError(f"no platform given: host, all, {', '.join(PLATFORMS)} are known")
+    return list(chosen)

@@ -1,0 +1,66 @@
+"""The python runtime's part of an FMU: pythonfmu's binaries, an entry script and the sources."""
+
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+from pythonfmu.builder import FmuBuilder
+
+from . import source
+
+SCRIPT = '''"""Entry of the FMU EMA_{model}: takes the sources that it was built from, wherever they are."""
+
+import ctypes
+import importlib
+import sys
+from pathlib import Path
+
+HASH = "{digest}"
+BUNDLE = "{bundle}"
+FOLDER = str(Path(__file__).parent)
+
+# pythonfmu 0.7.0 runs this file in the module's dictionary at each instantiation and then releases that dictionary
+# once too often, which would crash the host after some instances: each run leaves one reference behind.
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+
+if FOLDER in sys.path:  # behind the host's own modules, as pythonfmu's builder in a process that also builds
+    sys.path.append(sys.path.pop(sys.path.index(FOLDER)))
+
+
+def _sources():
+    """The installed ema_fmu_src if its content is that of this FMU (its kernels are compiled then), else the bundle."""
+    try:
+        source = importlib.import_module("ema_fmu_src.fmu.source")
+        return "ema_fmu_src" if source.content_hash() == HASH else BUNDLE
+    except (ImportError, AttributeError, OSError):
+        return BUNDLE
+
+
+class EMA_{model}(importlib.import_module(_sources() + ".fmu.slave").Slave):
+    model = "{model}"
+    sources = HASH
+'''
+
+
+def members(model: str, scratch: Path) -> dict[str, bytes]:
+    """Model description, binaries and resources of the twin `model`: archive name -> content."""
+    digest = source.content_hash()
+    bundle = f"ema_fmu_src_{digest[:8]}"
+    module = f"EMA_{model}_{digest[:8]}"
+    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+        script = Path(folder) / f"{module}.py"
+        script.write_text(SCRIPT.format(model=model, digest=digest, bundle=bundle))
+        copy = Path(folder) / bundle
+        for path in source.runtime_files():
+            target = copy / path.relative_to(source.PACKAGE)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(path.read_bytes())
+        search_path = list(sys.path)
+        try:
+            packed = FmuBuilder.build_FMU(script, dest=Path(folder) / "packed", project_files=[copy])
+        finally:
+            sys.path[:] = search_path
+            sys.modules.pop(module, None)
+        with zipfile.ZipFile(packed) as archive:
+            return {name: archive.read(name) for name in archive.namelist()}
