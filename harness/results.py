@@ -31,12 +31,12 @@ def prepare_file(path: Path) -> None:
     prepare(path.absolute().parent)
 
 
-def write(path: Path, text: str) -> None:
-    """Write `text` to `path`, through a file beside it that takes its place."""
+def write(path: Path, content: str | bytes) -> None:
+    """Write `content` to `path`, through a file beside it that takes its place."""
     file = None
     try:
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            file.write(content.encode() if isinstance(content, str) else content)
         os.chmod(file.name, 0o644)
         os.replace(file.name, path)
     except OSError as error:
