@@ -1,5 +1,6 @@
 """Builds the FMUs: gathers what goes into each, packs it and has it checked."""
 
+import hashlib
 import json
 import os
 import tempfile
@@ -12,7 +13,7 @@ from xml.etree.ElementTree import indent, tostring
 from fmpy.validation import validate_fmu
 
 from .. import ports
-from . import archive, description, source
+from . import archive, description, documentation, image, reference, source, ssp
 from .native import library, targets
 
 RUNTIMES = ("native", "python")
@@ -22,6 +23,7 @@ NATIVE_CAPABILITIES = {
     "canGetAndSetFMUstate": True,
     "canSerializeFMUstate": True,
 }
+SSP = "ema.ssp"
 RECORD = "resources/build.json"
 """Archive name of what an FMU was built from."""
 
@@ -31,18 +33,25 @@ def fmu_name(model: str) -> str:
     return f"EMA_{model}.fmu"
 
 
-def built_from(path: Path) -> str:
-    """Content hash of the sources that the FMU at `path` was built from; empty if it is none of ours."""
+def _content(model: str) -> dict[str, str]:
+    """Hashes of what the FMU of the twin `model` would be built from now: the sources, the reference results."""
+    results = hashlib.sha256(b"".join(reference.members(model).values())).hexdigest()
+    return {"source": source.content_hash(), "reference": results}
+
+
+def built_from(path: Path) -> dict[str, str]:
+    """The record in the FMU at `path`: hashes of its content, and its runtime; empty if it is none of ours."""
     try:
         with zipfile.ZipFile(path) as fmu:
-            return str(json.loads(fmu.read(RECORD))["source"])
+            return dict(json.loads(fmu.read(RECORD)))
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
-        return ""
+        return {}
 
 
 def is_current(path: Path) -> bool:
-    """Whether the FMU at `path` was built from the sources as they are now, for this platform too."""
-    if not path.is_file() or built_from(path) != source.content_hash():
+    """Whether the FMU at `path` was built from what is there now, for this platform too, with either runtime."""
+    model = path.stem.removeprefix("EMA_")
+    if model not in ports.MODELS or not path.is_file() or not built_from(path).items() >= _content(model).items():
         return False
     with zipfile.ZipFile(path) as fmu:
         return any(name.startswith(f"binaries/{targets.PLATFORMS[targets.host()].folder}/") for name in fmu.namelist())
@@ -56,6 +65,8 @@ def build(
     platforms: Sequence[str] | None = None,
 ) -> list[Path]:
     """Write EMA_HF.fmu, EMA_ELF.fmu, EMA_LF.fmu (those in `models`) into the folder `out`; returns their paths.
+
+    With HF comes ema.ssp, the actuator as a system around it.
 
     `runtime`: "native" (shared libraries without Python, for `platforms`, names in targets.PLATFORMS, by default this
     machine's) or "python" (pythonfmu's). Each file is written whole or not at all. Raises ValueError for an unknown
@@ -80,8 +91,8 @@ def build(
             own = Path(scratch) / model
             own.mkdir()
             members = _native(model, chosen, own) if runtime == "native" else _python(model, own)
-            record = {"source": source.content_hash(), "runtime": runtime}
-            members |= {RECORD: (json.dumps(record) + "\n").encode()}
+            record = _content(model) | {"runtime": runtime}
+            members |= {RECORD: (json.dumps(record) + "\n").encode()} | _carried(model)
             archive.write(own / fmu_name(model), members)
             _validate(own / fmu_name(model))
             return own / fmu_name(model)
@@ -89,7 +100,19 @@ def build(
         # compiling and linking are other processes' work; pythonfmu's builder is not to be run twice at once
         with ThreadPoolExecutor(os.cpu_count() if runtime == "native" else 1) as pool:
             finished = list(pool.map(one, models))
+        if "HF" in models:
+            ssp.write(Path(scratch) / SSP, Path(scratch) / "HF" / fmu_name("HF"))
+            (Path(scratch) / SSP).replace(out / SSP)
         return [path.replace(out / path.name) for path in finished]
+
+
+def _carried(model: str) -> dict[str, bytes]:
+    """What an FMU holds besides its description and its runtime."""
+    return {
+        "documentation/index.html": documentation.page(model).encode(),
+        "model.png": image.png(model),
+        **reference.members(model),
+    }
 
 
 def _native(model: str, platforms: Sequence[str], scratch: Path) -> dict[str, bytes]:

@@ -6,25 +6,25 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from .. import __version__, ports
 from ..twins import TWINS
 
-UNITS: dict[str, dict[str, int]] = {
-    "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "s": {"s": 1},
-    "1/s": {"s": -1},
-    "1": {},
-    "A": {"A": 1},
-    "A/rad": {"A": 1, "rad": -1},
-    "A.s/rad": {"A": 1, "s": 1, "rad": -1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "V.s/rad": {"kg": 1, "m": 2, "s": -2, "A": -1, "rad": -1},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "Ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
-    "N.m": {"kg": 1, "m": 2, "s": -2},
-    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
-    "kg.m2": {"kg": 1, "m": 2},
+UNITS: dict[str, tuple[str, dict[str, int]]] = {
+    "rad": ("Angle", {"rad": 1}),
+    "rad/s": ("AngularVelocity", {"rad": 1, "s": -1}),
+    "s": ("Time", {"s": 1}),
+    "1/s": ("PositionGain", {"s": -1}),
+    "1": ("Ratio", {}),
+    "A": ("Current", {"A": 1}),
+    "A/rad": ("IntegralGain", {"A": 1, "rad": -1}),
+    "A.s/rad": ("SpeedGain", {"A": 1, "s": 1, "rad": -1}),
+    "V": ("Voltage", {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    "V.s/rad": ("BackEmfCoefficient", {"kg": 1, "m": 2, "s": -2, "A": -1, "rad": -1}),
+    "W": ("Power", {"kg": 1, "m": 2, "s": -3}),
+    "Ohm": ("Resistance", {"kg": 1, "m": 2, "s": -3, "A": -2}),
+    "H": ("Inductance", {"kg": 1, "m": 2, "s": -2, "A": -2}),
+    "N.m": ("Torque", {"kg": 1, "m": 2, "s": -2}),
+    "N.m.s/rad": ("RotationalDamping", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+    "kg.m2": ("MomentOfInertia", {"kg": 1, "m": 2}),
 }
-"""Exponents of the SI base units of each unit that the ports use."""
+"""The quantity (and type) of each unit that the ports use, and its exponents of the SI base units."""
 
 DISPLAY_UNITS = {"rad": ("deg", 57.29577951308232), "rad/s": ("rpm", 9.549296585513721)}
 """Display unit and its factor for the units that people read in others."""
@@ -39,6 +39,26 @@ CATEGORIES = {
     "logStatusFatal": "Why the FMU cannot go on",
     "logAll": "All messages",
 }
+
+_ANGLE = ("initial.motor_position", "mechanics.end_stop", "gear.ratio", "gear.backlash", "fault.backlash")
+_FIELD = (*_ANGLE, "motor.p", "motor.K_e", "fault.magnet", "fault.zeta", "fault.phi")
+_CURRENTS = ("initial.phase_current_a", "initial.phase_current_b")
+INITIAL_DEPENDENCIES: dict[str, tuple[str, ...]] = {
+    "position": (*_ANGLE, "initial.position"),
+    "motor_position": _ANGLE,
+    "motor_speed": ("initial.motor_speed",),
+    "reference_current": ("initial.reference_current",),
+    "equivalent_current": (*_ANGLE, "motor.p", *_CURRENTS),
+    "equivalent_current_filtered": ("initial.current_filtered",),
+    "phase_current_a": ("initial.phase_current_a",),
+    "phase_current_b": ("initial.phase_current_b",),
+    "phase_current_c": _CURRENTS,
+    "back_emf_a": (*_FIELD, "initial.motor_speed", "fault.N_a"),
+    "back_emf_b": (*_FIELD, "initial.motor_speed", "fault.N_b"),
+    "back_emf_c": (*_FIELD, "initial.motor_speed", "fault.N_c"),
+    "motor_torque": (*_FIELD, *_CURRENTS, "fault.N_a", "fault.N_b", "fault.N_c"),
+}
+"""What the value of an output at the start depends on; the others start at zero."""
 
 FLAGS = (
     "needsExecutionTool",
@@ -59,12 +79,21 @@ def _number(value: float) -> str:
 
 def _units() -> Element:
     definitions = Element("UnitDefinitions")
-    for name, exponents in UNITS.items():
+    for name, (_, exponents) in UNITS.items():
         unit = SubElement(definitions, "Unit", name=name)
         SubElement(unit, "BaseUnit", {base: str(exponent) for base, exponent in exponents.items()})
         if name in DISPLAY_UNITS:
             display, factor = DISPLAY_UNITS[name]
             SubElement(unit, "DisplayUnit", name=display, factor=_number(factor))
+    return definitions
+
+
+def _types() -> Element:
+    definitions = Element("TypeDefinitions")
+    for unit, (quantity, _) in UNITS.items():
+        real = SubElement(SubElement(definitions, "SimpleType", name=quantity), "Real", quantity=quantity, unit=unit)
+        if unit in DISPLAY_UNITS:
+            real.set("displayUnit", DISPLAY_UNITS[unit][0])
     return definitions
 
 
@@ -84,6 +113,7 @@ def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> El
     kind = SubElement(element, variable.kind)
     start = variable.start_for(model)
     if variable.kind == "Real":
+        kind.set("declaredType", UNITS[variable.unit][0])
         kind.set("unit", variable.unit)
         if variable.unit in DISPLAY_UNITS:
             kind.set("displayUnit", DISPLAY_UNITS[variable.unit][0])
@@ -98,6 +128,20 @@ def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> El
     elif not calculated:
         kind.set("start", "true" if start else "false")
     return element
+
+
+def _structure() -> Element:
+    """The ModelStructure (FMI 2.0, section 2.2.8): no output depends on an input of the same point, only on the state."""
+    structure = Element("ModelStructure")
+    outputs = SubElement(structure, "Outputs")
+    for variable in ports.OUTPUTS:
+        SubElement(outputs, "Unknown", index=str(ports.INDEX[variable.name] + 1), dependencies="")
+    initial = SubElement(structure, "InitialUnknowns")
+    for variable in ports.OUTPUTS:
+        knowns = sorted(ports.INDEX[name] + 1 for name in INITIAL_DEPENDENCIES.get(variable.name, ()))
+        attributes = {"index": str(ports.INDEX[variable.name] + 1), "dependencies": " ".join(map(str, knowns))}
+        SubElement(initial, "Unknown", attributes)
+    return structure
 
 
 def model_description(model: str, *, runtime: str, source_hash: str, capabilities: dict[str, bool]) -> Element:
@@ -125,6 +169,7 @@ def model_description(model: str, *, runtime: str, source_hash: str, capabilitie
         {"modelIdentifier": f"EMA_{model}"} | {name: "true" if flag else "false" for name, flag in flags.items()},
     )
     root.append(_units())
+    root.append(_types())
     categories = SubElement(root, "LogCategories")
     for name, description in CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=description)
@@ -132,11 +177,7 @@ def model_description(model: str, *, runtime: str, source_hash: str, capabilitie
     variables = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(ports.VARIABLES):
         variables.append(_scalar_variable(variable, reference, model))
-    structure = SubElement(root, "ModelStructure")
-    for name in ("Outputs", "InitialUnknowns"):
-        unknowns = SubElement(structure, name)
-        for variable in ports.OUTPUTS:
-            SubElement(unknowns, "Unknown", index=str(ports.INDEX[variable.name] + 1))
+    root.append(_structure())
     identity = tostring(root).decode() + source_hash
     root.set("guid", "{" + str(uuid.uuid5(uuid.NAMESPACE_URL, identity)) + "}")
     return root

@@ -8,6 +8,7 @@ from harness.cli.build import build
 from harness.cli.compare import compare
 from harness.cli.export import export
 from harness.cli.ports import ports
+from harness.cli.reference import reference
 from harness.cli.run import run
 from harness.errors import HarnessError
 
@@ -15,7 +16,7 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, compare, export, ports):
+for command in (build, run, compare, export, reference, ports):
     app.command()(command)
 
 

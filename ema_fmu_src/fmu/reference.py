@@ -1,0 +1,57 @@
+"""Reference results: where they lie beside the FMUs, and how an FMU carries them.
+
+Beside the FMUs (fmus/reference/), named and laid out by the rules of the FMI cross-check: NAME_in.csv (inputs),
+NAME_ref.csv (results), NAME_ref.opt (how they were made). Inside an FMU the same files are an experiment after FMI-LS-REF
+(the layered standard for related files, 1.0.0-alpha.1), extra/org.fmi-standard.fmi-ls-ref/.
+"""
+
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from . import description
+
+FOLDER = Path(__file__).resolve().parents[2] / "fmus" / "reference"
+EXTRA = "extra/org.fmi-standard.fmi-ls-ref"
+LS_REF_VERSION = "1.0.0-alpha.1"
+SUFFIXES = ("_in.csv", "_ref.csv", "_ref.opt")
+
+
+def paths(model: str, folder: Path = FOLDER) -> list[Path]:
+    """The three files of the twin `model`: inputs, results, options."""
+    return [folder / f"EMA_{model}{suffix}" for suffix in SUFFIXES]
+
+
+def members(model: str) -> dict[str, bytes]:
+    """Archive name -> content of what the FMU of the twin `model` carries; nothing if the results have not been made."""
+    files = paths(model)
+    if not all(path.is_file() for path in files):
+        return {}
+    stimuli, results, options = files
+    manifest = Element(
+        "fmiReferences",
+        {
+            "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
+            "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
+            "fmi-ls:fmi-ls-version": LS_REF_VERSION,
+            "fmi-ls:fmi-ls-description": "Layered Standard providing information on related files included in an FMU.",
+        },
+    )
+    for source, kind, role, text in (
+        ("experiments.xml", "text/xml", "experiment/smoke-test", "The paper's trial SIN"),
+        (stimuli.name, "text/csv", "other", "Inputs of the experiment"),
+        (results.name, "text/csv", "result", "Results of the experiment"),
+        (options.name, "text/plain", "other", "How the results were made, after the FMI cross-check"),
+    ):
+        SubElement(manifest, "Related", type=kind, source=source, role=role, description=text)
+    experiments = Element("Experiments")
+    times = {"startTime": description.START_TIME, "stopTime": description.STOP_TIME, "stepSize": description.STEP_SIZE}
+    experiment = SubElement(experiments, "Experiment", {"name": "SIN", "description": "The paper's trial SIN"} | times)
+    SubElement(experiment, "Stimuli", source=stimuli.name)
+    SubElement(experiment, "References", source=results.name)
+    texts = {"fmi-ls-manifest.xml": _text(manifest), "experiments.xml": _text(experiments)}
+    return {f"{EXTRA}/{name}": content for name, content in (texts | {p.name: p.read_bytes() for p in files}).items()}
+
+
+def _text(root: Element) -> bytes:
+    indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"

@@ -1,0 +1,108 @@
+"""ema.ssp: the actuator as a system (SSP 1.0), with parameter sets for healthy and faulted.
+
+The system has one component, `actuator`, whose FMU is resources/EMA.fmu: swapping the fidelity is swapping that one file,
+for all of them have the same ports. Parameter sets lie beside it; SystemStructure.ssd binds that of `healthy`, and each
+other one has a structure of its own, NAME.ssd, as SSP provides for variants. The system itself has no connectors, which
+some importers do not know (ecos): a host sets and reads those of the actuator.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from .. import __version__, ports
+from . import archive, description
+
+SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
+SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+COMPONENT = "actuator"
+
+SET_NAME = "initialValues"
+"""Of every parameter set, as libcosim and ecos expect it of the one that is to be applied at the start."""
+
+PARAMETER_SETS: dict[str, dict[str, float]] = {
+    "healthy": {variable.name: variable.start for variable in ports.FAULTS},
+    "worn": {"fault.friction": 2.0, "fault.backlash": 50.0},
+    "shorted": {"fault.N_a": 0.8},
+    "eccentric": {"fault.zeta": 0.1, "fault.phi": 0.5},
+    "ELF+": {"driver.coupled_saturation": 1.0},
+}
+"""Parameter sets in the package, each a file resources/NAME.ssv."""
+
+
+def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
+    """A parameter set (SSV); `name` goes into its description."""
+    root = Element(
+        "ssv:ParameterSet", {"xmlns:ssv": SSV, "xmlns:ssc": SSC, "version": "1.0", "name": SET_NAME, "description": name}
+    )
+    parameters = SubElement(root, "ssv:Parameters")
+    for parameter, value in values.items():
+        variable = ports.VARIABLES[ports.INDEX[parameter]]
+        entry = SubElement(parameters, "ssv:Parameter", name=parameter)
+        _typed(entry, "ssv", variable, value)
+    units = SubElement(root, "ssv:Units")
+    for unit in dict.fromkeys(ports.VARIABLES[ports.INDEX[parameter]].unit for parameter in values):
+        if unit:
+            _unit(units, unit)
+    if not len(units):
+        root.remove(units)
+    return _text(root)
+
+
+def _typed(parent: Element, prefix: str, variable: ports.Variable, value: float | None = None) -> None:
+    element = SubElement(parent, f"{prefix}:{variable.kind}")
+    if value is not None:
+        boolean = "true" if value else "false"
+        texts = {"Real": repr(float(value)), "Integer": str(int(value)), "Boolean": boolean}
+        element.set("value", texts[variable.kind])
+    if variable.kind == "Real":
+        element.set("unit", variable.unit)
+
+
+def _unit(parent: Element, name: str) -> None:
+    unit = SubElement(parent, "ssc:Unit", name=name)
+    exponents = description.UNITS[name][1]
+    SubElement(unit, "ssc:BaseUnit", {base: str(exponent) for base, exponent in exponents.items()})
+
+
+def _text(root: Element) -> bytes:
+    indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+
+
+def structure(parameters: str) -> bytes:
+    """The system, its one component, and the set `parameters` of PARAMETER_SETS bound to it."""
+    root = Element(
+        "ssd:SystemStructureDescription",
+        {"xmlns:ssd": SSD, "xmlns:ssc": SSC, "xmlns:ssv": SSV, "version": "1.0", "name": "EMA"}
+        | {"generationTool": f"EMA twins {__version__}", "generationDateAndTime": description.GENERATED},
+    )
+    system = SubElement(root, "ssd:System", name="EMA", description="Electromechanical flight-control actuator")
+    shared = (*ports.INPUTS, *ports.OUTPUTS)
+    elements = SubElement(system, "ssd:Elements")
+    kind = {"type": "application/x-fmu-sharedlibrary", "source": "resources/EMA.fmu", "implementation": "CoSimulation"}
+    component = SubElement(elements, "ssd:Component", {"name": COMPONENT} | kind)
+    connectors = SubElement(component, "ssd:Connectors")
+    for variable in shared:
+        _typed(SubElement(connectors, "ssd:Connector", name=variable.name, kind=variable.causality), "ssc", variable)
+    SubElement(
+        SubElement(component, "ssd:ParameterBindings"),
+        "ssd:ParameterBinding",
+        {"type": "application/x-ssp-parameter-set", "source": f"resources/{parameters}.ssv"},
+    )
+    units = SubElement(root, "ssd:Units")
+    for unit in dict.fromkeys(variable.unit for variable in shared if variable.unit):
+        _unit(units, unit)
+    start, stop = description.START_TIME, description.STOP_TIME
+    SubElement(root, "ssd:DefaultExperiment", startTime=start, stopTime=stop)
+    return _text(root)
+
+
+def write(path: Path, fmu: Path) -> None:
+    """Write the package `path` around the FMU file `fmu`, whole or not at all."""
+    members = {"resources/EMA.fmu": fmu.read_bytes()}
+    for name, values in PARAMETER_SETS.items():
+        members["SystemStructure.ssd" if name == "healthy" else f"{name}.ssd"] = structure(name)
+        members[f"resources/{name}.ssv"] = parameter_set(name, values)
+    archive.write(path, members)

@@ -1,0 +1,23 @@
+"""`ema reference`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harness.cli.options import FmuDir
+
+
+def reference(
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the files; fmus/reference by default.")] = None,
+    fmus: FmuDir = None,
+) -> None:
+    """Write the reference results that go into the FMUs (after a change of the physics; then build again)."""
+    from ema_fmu_src.fmu.reference import FOLDER
+    from harness.cli.build import build_missing
+    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.reference import make
+
+    build_missing(list(FIDELITIES.values()), fmus or FMU_DIR, own=fmus is None)
+    for path in make(fmus or FMU_DIR, out or FOLDER):
+        typer.echo(f"wrote {path}")

@@ -1,0 +1,81 @@
+"""Makes the reference results that go with the FMUs: the paper's trial SIN, laid out as the FMI cross-check asks."""
+
+import io
+from pathlib import Path
+
+import fmpy
+import numpy as np
+
+from ema_fmu_src import ports
+from ema_fmu_src.fmu import reference
+from harness import results
+from harness.errors import HarnessError
+from harness.fidelity import FIDELITIES
+from harness.trials import Trial, trial
+
+INPUT_EVERY, OUTPUT_EVERY = 20, 100
+"""Inputs every 2 ms, between which an importer interpolates; results every 10 ms, enough to tell a broken import."""
+TOLERANCE = 1e-6
+"""Relative tolerance named in the options file; on one platform our FMUs repeat every digit that is written."""
+
+
+def make(fmus: Path, out: Path) -> list[Path]:
+    """Fly SIN with HF, ELF and LF from the folder `fmus`, write NAME_in.csv, NAME_ref.csv, NAME_ref.opt into `out`.
+
+    Flown by `fmpy.simulate_fmu` from the written inputs, so that any importer can do the same. Returns the paths.
+    """
+    results.prepare(out)
+    flown = trial("SIN")
+    written = []
+    for name in ("HF", "ELF", "LF"):
+        fmu = fmus / FIDELITIES[name].fmu
+        stimuli, expected, options = reference.paths(name, out)
+        results.write(stimuli, _inputs(flown))
+        results.write(expected, _fly(fmu, stimuli, flown))
+        results.write(options, _options(flown))
+        written += [stimuli, expected, options]
+    return written
+
+
+def _inputs(flown: Trial) -> str:
+    times = flown.time[::INPUT_EVERY]
+    held = {port.name: np.full(len(times), port.start) for port in ports.INPUTS}
+    inputs = held | {name: values[::INPUT_EVERY] for name, values in flown.inputs.items()}
+    return _csv(["time", *inputs], [times, *inputs.values()])
+
+
+def _fly(fmu: Path, stimuli: Path, flown: Trial) -> str:
+    names = [port.name for port in ports.OUTPUTS]
+    try:
+        run = fmpy.simulate_fmu(
+            str(fmu),
+            start_time=flown.time[0],
+            stop_time=flown.time[-1],
+            output_interval=flown.step,
+            input=fmpy.util.read_csv(str(stimuli)),
+            output=names,
+        )
+    except Exception as error:  # noqa: BLE001 - FMPy raises plain Exceptions
+        raise HarnessError(f"{fmu}: cannot be flown by FMPy: {error}") from None
+    return _csv(["time", *names], [run[name][::OUTPUT_EVERY] for name in ("time", *names)])
+
+
+def _csv(header: list[str], columns: list[np.ndarray]) -> str:
+    buffer = io.StringIO()
+    table = np.column_stack([column.astype(float) for column in columns])
+    quoted = ",".join(f'"{name}"' for name in header)
+    np.savetxt(buffer, table, fmt="%.9g", delimiter=",", header=quoted, comments="")
+    return buffer.getvalue()
+
+
+def _options(flown: Trial) -> str:
+    lines = {
+        "StartTime": f"{flown.time[0]:g}",
+        "StopTime": f"{flown.time[-1]:g}",
+        "StepSize": f"{flown.step:g}",
+        "RelTol": f"{TOLERANCE:g}",
+        "AbsTol": f"{TOLERANCE:g}",
+        "SolverMethod": "FixedStep",
+        "OutputIntervalLength": f"{OUTPUT_EVERY * flown.step:g}",
+    }
+    return "".join(f"{name},{value}\n" for name, value in lines.items())
