@@ -1,15 +1,56 @@
-"""Fixtures: the FMUs, built once for the whole session."""
+"""Fixtures: the FMUs, built once for the whole session, in both runtimes; instances of them."""
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from fmi import Instance
 
 from ema_fmu_src import ports
-from ema_fmu_src.fmu.build import build
+from ema_fmu_src.fmu.build import RUNTIMES, build
 
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Path of the built FMU of each twin, all in one folder."""
+    """Path of the native FMU of each twin, all in one folder."""
     paths = build(out=tmp_path_factory.mktemp("fmus"))
     return dict(zip(ports.MODELS, paths, strict=True))
+
+
+@pytest.fixture(scope="session")
+def python_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The same with the python runtime."""
+    paths = build(out=tmp_path_factory.mktemp("python_fmus"), runtime="python")
+    return dict(zip(ports.MODELS, paths, strict=True))
+
+
+@pytest.fixture(params=RUNTIMES)
+def runtime(request: pytest.FixtureRequest) -> str:
+    """Each runtime in turn; a test module may take fewer by a fixture of its own."""
+    return str(request.param)
+
+
+@pytest.fixture
+def built(runtime: str, fmus: dict[str, Path], python_fmus: dict[str, Path]) -> dict[str, Path]:
+    return fmus if runtime == "native" else python_fmus
+
+
+@pytest.fixture
+def open_fmu(built: dict[str, Path], tmp_path: Path) -> Iterator[Callable[..., Instance]]:
+    """Opens instances of a model (or of an FMU elsewhere) and closes them after the test."""
+    opened: list[Instance] = []
+
+    def open_one(model: str | Path) -> Instance:
+        path = built[model] if isinstance(model, str) else model
+        opened.append(Instance(path, tmp_path / f"instance{len(opened)}"))
+        return opened[-1]
+
+    yield open_one
+    for instance in opened:
+        instance.close()
+
+
+@pytest.fixture(params=ports.MODELS)
+def instance(request: pytest.FixtureRequest, open_fmu: Callable[..., Instance]) -> Instance:
+    """An instance of each twin in turn."""
+    return open_fmu(request.param)

@@ -366,8 +366,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     if (step <= 0.0) NO_STEP("a step of more than 0 s is needed", time, step);
     if (fabs(time - s->point) > slack(s->point))
         NO_STEP("it does not follow the last communication point, %.15g s", time, step, s->point);
-    if (end <= s->point) NO_STEP("it is too short: the FMU is at %.15g s", time, step, s->point);
-    if (end > s->stop + slack(s->stop)) NO_STEP("it would end after the stop time %.15g s", time, step, s->stop);
+    if (end <= s->point) NO_STEP("it is too short: it would end at %.15g s, and the FMU is at %.15g s", time, step, end, s->point);
+    if (end > s->stop + slack(s->stop)) NO_STEP("it would end at %.15g s, after the stop time %.15g s", time, step, end, s->stop);
     for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE + i] = s->slope[i];
     s->status = ema_advance(s->v, s->x, end - s->start);
     memset(s->slope, 0, sizeof s->slope);
