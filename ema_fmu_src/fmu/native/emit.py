@@ -52,9 +52,10 @@ def _kernel_module(llvm: Any, function: Any, name: str, numbers: int) -> Any:
         raise EmitError(f"{name}: returns {result}, a status (int64) is needed")
     kernel = function.overloads[signature].fndesc.llvm_func_name
     arguments = ", ".join(["ptr %v", "ptr %x", *(f"double %t{n}" for n in range(numbers))])
-    module = llvm.parse_assembly(
-        function.inspect_llvm(signature) + ENTRY.format(name=name, arguments=arguments, kernel=kernel)
-    )
+    text = function.inspect_llvm(signature)
+    if ".const.picklebuf." in text:  # what numba keeps of an exception
+        raise EmitError(f"{name}: a kernel can raise; a status code is needed instead")
+    module = llvm.parse_assembly(text + ENTRY.format(name=name, arguments=arguments, kernel=kernel))
     for item in (*module.functions, *module.global_variables):
         if not item.is_declaration and item.name != f"ema_{name}":
             item.linkage = llvm.Linkage.internal
