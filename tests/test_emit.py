@@ -44,7 +44,7 @@ def _emitted(body: str, tmp_path: Path, **environment: str) -> str:
         ("v[0] = math.sin(t)", "sin"),
         ("v[0] = t ** 0.3", "LF: the kernels call"),
         ("v[0] = t % v[1]", "fmod"),
-        ("print(t)", "LF: the kernels call"),
+        ("print(t)", "kernel"),
         ("if t > 1.0:\n        raise ValueError", "a kernel can raise"),
     ],
 )
