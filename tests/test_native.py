@@ -237,3 +237,17 @@ def test_two_interleaved_instances_are_strangers(open_fmu: Callable[..., Instanc
         other.run(k, k + 1)
     assert rows == alone.run(0, 50)
     assert not np.array_equal(rows[-1], other.run(50, 51)[0])
+
+
+def test_the_tolerance_is_that_of_hfs_events(open_fmu: Callable[..., Instance]) -> None:
+    """The default is 4e-3 of the band: given as the tolerance, the same bits; a tighter one finds other switchings."""
+    rows = {}
+    for tolerance in (None, 4e-3, 1e-4):
+        instance = open_fmu("HF")
+        instance.fmu.setupExperiment(tolerance=tolerance, startTime=0.0)
+        instance.fmu.enterInitializationMode()
+        instance.set("command", 0.1)
+        instance.fmu.exitInitializationMode()
+        rows[tolerance] = instance.run(0, 100)
+    assert rows[None] == rows[4e-3] != rows[1e-4]
+    assert rows[1e-4][-1][0] == pytest.approx(rows[None][-1][0], rel=1e-3)

@@ -17,7 +17,7 @@ Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dy
 
 from ..physics import controller, inverter, monitor, sensor, windings
 from ..physics.jit import kernel
-from ..physics.trig import rotate, sincos, three_phases
+from ..physics.trig import clamp, rotate, sincos, three_phases
 from . import frame
 from . import layout as at
 
@@ -27,7 +27,9 @@ MOST_STEPS = 20000
 SHORTEST = 1e-9
 """Shortest step that is aimed at an event [s]: 0.1 mA of the current's slope."""
 MARGIN = 4e-3
-"""Event-located: a current error this close to the band, as a fraction of it, has reached it."""
+"""Event-located: a current error this close to the band, as a fraction of it, has reached it. The relative tolerance of an
+experiment, if one is given, takes its place, within FINEST and COARSEST."""
+FINEST, COARSEST = 1e-5, 0.05
 LIMITED_AT = 2.2
 """Current error, in half bands, at the end of a controller period that counts as voltage-limited: the star lets errors
 reach 2 without it."""
@@ -137,7 +139,8 @@ def advance(v, x, t):
     tau = v[at.TAU]
     located = v[at.EVENT_LOCATED] != 0.0
     largest = T_c / int(T_c / v[at.STEP] + 0.999999)
-    margin = MARGIN * band if located else 0.0
+    tolerance = clamp(x[at.TOLERANCE], FINEST, COARSEST) if x[at.TOLERANCE] > 0.0 else MARGIN
+    margin = tolerance * band if located else 0.0
     close = at.CLOSE * largest
     steps = 0
 
