@@ -28,7 +28,8 @@ class Trial:
     """Inputs on the communication grid.
 
     `start` [s] and `step` [s] give the times start + n*step; `inputs` holds an array of n_steps + 1 values for each
-    input that the trial sets (rad, N.m, V); `source` says where it comes from.
+    input that the trial sets (rad, N.m, V); `source` says where it comes from. Inputs named in `continuous` have no jumps:
+    an FMU that interpolates lets them ramp from point to point; the others are held.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Trial:
     step: float
     inputs: dict[str, Array] = field(repr=False)
     source: str
+    continuous: frozenset[str] = frozenset()
 
     @property
     def time(self) -> Array:
@@ -89,7 +91,8 @@ def trial(name: str) -> Trial:
     inputs = {"command": command(t)}
     if name.upper() == "LOAD-STEP":
         inputs["load_torque"] = np.where(t < 1.0 - 0.5 * STEP, 0.0, 6.0)
-    return Trial(name.upper(), 0.0, STEP, inputs, source)
+    continuous = frozenset() if name.upper() == "STEP-RAMP" else frozenset({"command"})
+    return Trial(name.upper(), 0.0, STEP, inputs, source, continuous)
 
 
 def read_trial(path: Path) -> Trial:

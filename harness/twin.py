@@ -2,7 +2,7 @@
 
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -115,15 +115,23 @@ class Twin:
                 self._slave,
                 start=trial.start,
                 step=trial.step,
-                inputs=np.column_stack(list(inputs.values())),
-                input_references=[self._variables[name].valueReference for name in inputs],
-                real_references=[self._variables[port.name].valueReference for port in reals],
-                boolean_references=[self._variables[port.name].valueReference for port in booleans],
+                stimuli=self._stimuli(trial, inputs),
+                wanted=master.References(real=self._references(reals), boolean=self._references(booleans)),
                 on_progress=on_progress,
             )
-        except FMICallException as error:
+        except (FMICallException, master.StepFailed) as error:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {self._told() or error}") from None
         return self._dataset(trial, given, inputs, values, wall, [*reals, *booleans])
+
+    def _references(self, variables: Sequence[ports.Variable]) -> list[int]:
+        return [self._variables[variable.name].valueReference for variable in variables]
+
+    def _stimuli(self, trial: Trial, inputs: Mapping[str, Any]) -> master.Stimuli:
+        """The table of inputs; those that the trial says are continuous ramp, if the FMU interpolates."""
+        references = master.References(real=[self._variables[name].valueReference for name in inputs])
+        interpolates = self.description.coSimulation.canInterpolateInputs
+        ramps = [column for column, name in enumerate(inputs) if interpolates and name in trial.continuous]
+        return master.Stimuli(references, np.column_stack(list(inputs.values())), ramps)
 
     def _begin(self, trial: Trial, parameters: Mapping[str, float], inputs: Mapping[str, Any]) -> None:
         slave = self._slave

@@ -1,5 +1,6 @@
 """Native and python runtime, two FMI implementations around the same equations, give the same bits."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,8 @@ def test_every_output_to_the_last_bit(fmus: dict[str, Path], python_fmus: dict[s
     model = chosen.fmu.removeprefix("EMA_").removesuffix(".fmu")
     with Twin(fmus[model]) as native, Twin(python_fmus[model]) as python:
         for name in PAPER:
+            held = replace(trial(name), continuous=frozenset())  # inputs that ramp are for the native runtime only
             for faults in ({}, FAULTED):
-                one, other = (twin.run(trial(name), {**chosen.parameters, **faults}) for twin in (native, python))
+                one, other = (twin.run(held, {**chosen.parameters, **faults}) for twin in (native, python))
                 for variable in ports.OUTPUTS:
                     assert np.array_equal(one[variable.name].values, other[variable.name].values), (name, variable.name)
