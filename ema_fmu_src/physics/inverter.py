@@ -15,15 +15,19 @@ def open_side(open_switch, leg):
 
 
 @kernel
-def hysteresis(u_j, rest_j, error_j, band, margin, dead_time):
+def hysteresis(u_j, rest_j, error_j, band, margin, dead_time, closing_j):
     """The commanded switch u_j (+1 upper, -1 lower) and the rest of its dead time [s] after a look at the comparator.
 
     error_j = i_ref_j - i_j [A]: at +band the upper switch is commanded, at -band the lower, between them nothing
-    changes. `margin` [A] is how close to the band counts as there.
+    changes. `margin` [A] is how close to the band counts as there. An error that is beyond the band has got there by
+    `closing_j` [A/s] (0: not known), so that part of the dead time is over.
     """
-    if u_j * error_j <= margin - band:
-        return -u_j, dead_time
-    return u_j, rest_j
+    beyond = -u_j * error_j - band
+    if beyond < -margin:
+        return u_j, rest_j
+    if beyond > 0.0 and closing_j > 0.0:
+        dead_time -= beyond / closing_j
+    return -u_j, max(0.0, dead_time)
 
 
 @kernel
@@ -60,18 +64,29 @@ def forward_biased(v_open, V_dc):
 
 
 @kernel
-def time_to_band(u_j, error_j, slope_j, band, h):
-    """The earlier of `h` and the predicted time [s] until the comparator of a leg turns, from the error's slope [A/s]."""
-    closing = -u_j * slope_j
-    distance = u_j * error_j + band
-    if closing * h > distance:
-        return distance / closing
-    return h
+def time_to_event(
+    h, u_j, error_j, closing_j, band, dead_time, rest_j, gate_j, rail_j, i_j, slope_j, decay_j
+):  # fmt: skip
+    """The earlier of `h` and the next time [s] at which a leg's voltage changes, as the slopes predict it.
 
-
-@kernel
-def time_to_zero(gate_j, i_j, slope_j, h):
-    """The earlier of `h` and the time [s] at which the current of a leg that is off reaches zero."""
-    if gate_j == 0.0 and i_j * slope_j < 0.0 and abs(slope_j) * h > abs(i_j):
-        return abs(i_j / slope_j)
+    closing_j: how fast the error nears the band [A/s]; i_j, slope_j: the current and its slope; decay_j = R_j/L_j [1/s],
+    which bends it. A comparator that turns while the current flows through the diode of the leg's present rail changes
+    nothing before the dead time is over; the end of a dead time changes nothing where the diode has led to the new rail
+    already. So a commutation takes one step instead of two, which halves HF's time. A current that may die out in the
+    dead time is looked at step by step.
+    """
+    if closing_j > 0.0:
+        kept = gate_j != 0.0 and u_j * i_j < -2.0 * dead_time * abs(slope_j)
+        wait = dead_time if kept else 0.0
+        distance = u_j * error_j + band
+        if closing_j * (h - wait) > distance:
+            t = distance / closing_j
+            h = t + 0.5 * decay_j * u_j * t * t * slope_j / closing_j + wait
+    if gate_j == 0.0:
+        if 0.0 < rest_j < h and rail_j != u_j:
+            h = rest_j
+        if i_j * slope_j < 0.0 and abs(slope_j) * h > abs(i_j):
+            zero = abs(i_j / slope_j)
+            if zero < rest_j or rest_j <= 0.0:
+                h = zero
     return h

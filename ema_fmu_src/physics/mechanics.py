@@ -4,19 +4,19 @@ from .jit import kernel
 
 
 @kernel
-def load_friction(T_L, direction, eta_opposing, eta_aiding):
+def load_friction(T_L, direction, loss_opposing, loss_aiding):
     """Friction of the loaded gear [N.m], motor side, added to both dry-friction limits.
 
-    (1/eta_opposing - 1)*|T_L| when the load opposes the motion, (1 - eta_aiding)*|T_L| when it aids it. `direction` is
-    that of the motion or, at rest, of the torque that would start it.
+    loss_opposing*|T_L|, 1/eta_opposing - 1, when the load opposes the motion; loss_aiding*|T_L|, 1 - eta_aiding, when it
+    aids it. `direction` is that of the motion or, at rest, of the torque that would start it.
     """
     if T_L * direction > 0.0:
-        return (1.0 / eta_opposing - 1.0) * abs(T_L)
-    return (1.0 - eta_aiding) * abs(T_L)
+        return loss_opposing * abs(T_L)
+    return loss_aiding * abs(T_L)
 
 
 @kernel
-def rotor(w, T_m, T_L, T_static, T_coulomb, eta_opposing, eta_aiding, C, J, h):
+def rotor(w, T_m, T_L, T_static, T_coulomb, loss_opposing, loss_aiding, C, J, h):
     """Speed [rad/s] after a step h and the dry-friction torque [N.m] during it: J dw/dt = T_m - C*w - T_L - T_f.
 
     Friction after Borello: at rest it balances the net torque up to the static limit; beyond it, or moving, the Coulomb
@@ -24,7 +24,7 @@ def rotor(w, T_m, T_L, T_static, T_coulomb, eta_opposing, eta_aiding, C, J, h):
     """
     net = T_m - T_L
     direction = w if w != 0.0 else net
-    extra = load_friction(T_L, direction, eta_opposing, eta_aiding)
+    extra = load_friction(T_L, direction, loss_opposing, loss_aiding)
     T_f = T_coulomb + extra
     if w == 0.0 and abs(net) <= max(T_static, T_coulomb) + extra:
         return 0.0, net
@@ -47,9 +47,8 @@ def end_stop(theta, w, theta_max):
 
 
 @kernel
-def play(position, x, width):
-    """Play (backlash) operator: the user shaft stays within +-width/2 of the gear's x = theta/G [rad]."""
-    half = 0.5 * width
+def play(position, x, half):
+    """Play (backlash) operator: the user shaft stays within +-half of the gear's x = theta/G [rad]."""
     if position > x + half:
         return x + half
     if position < x - half:

@@ -13,15 +13,19 @@ def back_emf_coefficient(N_j, K_e, s_j, c_j, z_cos, z_sin):
 
 
 @kernel
-def star_point(d_a, d_b, d_c, g_a, g_b, g_c):
-    """Voltage of the star point [V]: sum(g_j*d_j)/sum(g_j), d_j = v_j - R_j*i_j - e_j, g_j = 1/L_j; 0 if no leg conducts.
+def star_point(d_a, d_b, d_c, g_a, g_b, g_c, per_g):
+    """Voltage of the star point [V]: sum(g_j*d_j)/sum(g_j), d_j = v_j - R_j*i_j - e_j, g_j = 1/L_j.
 
-    Exact for unequal phases; a leg that does not conduct has g_j = 0.
+    Exact for unequal phases; a leg that does not conduct has g_j = 0. per_g = 1/sum(g_j), as `per_sum` gives it.
     """
+    return (g_a * d_a + g_b * d_b + g_c * d_c) * per_g
+
+
+@kernel
+def per_sum(g_a, g_b, g_c):
+    """1/(g_a + g_b + g_c); 0 if no leg conducts."""
     total = g_a + g_b + g_c
-    if total <= 0.0:
-        return 0.0
-    return (g_a * d_a + g_b * d_b + g_c * d_c) / total
+    return 1.0 / total if total > 0.0 else 0.0
 
 
 @kernel

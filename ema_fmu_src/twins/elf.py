@@ -81,7 +81,8 @@ def _step(v, x, to, t, h):
             g_b = driver.step_admittance(h, R_b, L_b)
             g_c = driver.step_admittance(h, R_c, L_c)
             u_a, u_b, u_c = driver.saturated_legs(u_a, u_b, u_c, g_a, g_b, g_c, d_a, d_b, d_c, V_dc)
-            v_n = windings.star_point(u_a - d_a, u_b - d_b, u_c - d_c, g_a, g_b, g_c)
+            per_g = windings.per_sum(g_a, g_b, g_c)
+            v_n = windings.star_point(u_a - d_a, u_b - d_b, u_c - d_c, g_a, g_b, g_c, per_g)
             new_a = i_a + g_a * (u_a - v_n - d_a)
             new_b = i_b + g_b * (u_b - v_n - d_b)
             new_c = i_c + g_c * (u_c - v_n - d_c)
@@ -99,7 +100,7 @@ def _step(v, x, to, t, h):
 
     T_m = windings.torque(k_a, k_b, k_c, m_a, m_b, m_c)
     load = frame.held_input(v, x, at.LOAD_TORQUE, t + 0.5 * h)
-    theta, w, position, _, T_f = frame.move(v, theta, w, x[o + at.POSITION], T_m, load, h)
+    theta, w, position, _, T_f = frame.move(frame.mechanics_of(v), theta, w, x[o + at.POSITION], T_m, load, h)
     s_end, c_end = rotate(s_end, c_end, p * (theta - x[o + at.THETA] - 2.0 * half))
 
     supply = (u_a * m_a + u_b * m_b + u_c * m_c) / V_dc if V_dc > 0.0 else 0.0

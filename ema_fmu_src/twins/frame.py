@@ -35,7 +35,7 @@ def start(v, x):
     theta = clamp(v[at.INITIAL], -theta_max, theta_max)
     x[at.OWN + at.THETA] = theta
     x[at.OWN + at.W] = v[at.INITIAL + 1]
-    x[at.OWN + at.POSITION] = mechanics.play(v[at.INITIAL + 2], theta / v[at.RATIO], 2.0 * half_play)
+    x[at.OWN + at.POSITION] = mechanics.play(v[at.INITIAL + 2], theta / v[at.RATIO], half_play)
     x[at.OWN + at.SIN], x[at.OWN + at.COS] = sincos(v[at.PAIRS] * theta)
     x[at.OWN + at.I_A] = v[at.INITIAL + 3]
     x[at.OWN + at.I_B] = v[at.INITIAL + 4]
@@ -88,26 +88,34 @@ def held_input(v, x, which, t):
 
 
 @kernel
-def move(v, theta, w, position, T_m, load_torque, h):
-    """Mechanics over a step h [s] under the mean torque T_m: theta, w, position at its end, the mean speed, friction."""
-    G = v[at.RATIO]
-    scale = v[at.FAULT_FRICTION]
-    w_new, T_f = mechanics.rotor(
-        w,
-        T_m,
-        load_torque / G,
-        v[at.T_STATIC] * scale + v[at.FAULT_JAM],
-        v[at.T_COULOMB] * scale + v[at.FAULT_JAM],
-        v[at.ETA_OPPOSING],
-        v[at.ETA_AIDING],
+def mechanics_of(v):
+    """What `move` needs of the parameters: reciprocal gear ratio, limits of dry friction, losses of the gear, viscous
+    coefficient, inertia, half the play, the rotor's stop."""
+    scale, jam = v[at.FAULT_FRICTION], v[at.FAULT_JAM]
+    half_play = 0.5 * v[at.BACKLASH] * v[at.FAULT_BACKLASH]
+    return (
+        1.0 / v[at.RATIO],
+        v[at.T_STATIC] * scale + jam,
+        v[at.T_COULOMB] * scale + jam,
+        1.0 / v[at.ETA_OPPOSING] - 1.0,
+        1.0 - v[at.ETA_AIDING],
         v[at.C],
         v[at.J],
-        h,
+        half_play,
+        (v[at.END_STOP] + half_play) * v[at.RATIO],
     )
-    width = v[at.BACKLASH] * v[at.FAULT_BACKLASH]
+
+
+@kernel
+def move(of, theta, w, position, T_m, load_torque, h):
+    """Mechanics (`of` = mechanics_of(v)) over a step h [s] under the mean torque T_m: theta, w, position at its end, the
+    mean speed, friction."""
+    per_G, T_static, T_coulomb, loss_opposing, loss_aiding, C, J, half_play, theta_max = of
+    T_L = load_torque * per_G
+    w_new, T_f = mechanics.rotor(w, T_m, T_L, T_static, T_coulomb, loss_opposing, loss_aiding, C, J, h)
     w_mean = 0.5 * (w + w_new)
-    theta_new, w_new = mechanics.end_stop(theta + h * w_mean, w_new, (v[at.END_STOP] + 0.5 * width) * G)
-    return theta_new, w_new, mechanics.play(position, theta_new / G, width), w_mean, T_f
+    theta_new, w_new = mechanics.end_stop(theta + h * w_mean, w_new, theta_max)
+    return theta_new, w_new, mechanics.play(position, theta_new * per_G, half_play), w_mean, T_f
 
 
 @kernel

@@ -68,28 +68,6 @@ def _fixed_step(step, to_tick):
 
 
 @kernel
-def _leg_event(h, band, u_j, error_j, ref_slope_j, rest_j, gate_j, i_j, slope_j):
-    """The earlier of `h` and the next event of a leg [s]: the comparator turns, the dead time ends, a diode's current
-    dies out."""
-    h = inverter.time_to_band(u_j, error_j, ref_slope_j - slope_j, band, h)
-    if 0.0 < rest_j < h:
-        h = rest_j
-    return inverter.time_to_zero(gate_j, i_j, slope_j, h)
-
-
-@kernel
-def _step_to_event(
-    h, band, u_a, error_a, ref_a, rest_a, gate_a, i_a, f_a, u_b, error_b, ref_b, rest_b, gate_b, i_b, f_b,
-    u_c, error_c, ref_c, rest_c, gate_c, i_c, f_c,
-):  # fmt: skip
-    """The event rule [s]: to the earliest predicted event of the three legs, at most `h`."""
-    event = _leg_event(h, band, u_a, error_a, ref_a, rest_a, gate_a, i_a, f_a)
-    event = _leg_event(event, band, u_b, error_b, ref_b, rest_b, gate_b, i_b, f_b)
-    event = _leg_event(event, band, u_c, error_c, ref_c, rest_c, gate_c, i_c, f_c)
-    return min(h, max(event, SHORTEST))
-
-
-@kernel
 def _settle(i_old, i_new, gate):
     """What is left [A] of the current of a leg that is off and whose current has crossed zero in the step: taken off."""
     if gate == 0.0 and i_old * i_new < 0.0:
@@ -100,9 +78,21 @@ def _settle(i_old, i_new, gate):
 
 
 @kernel
+def _mean(i_old, i_middle, i_new):
+    """Mean current [A] over a step: the middle, taken along the first slope, misses the bend one way, the ends another."""
+    return (i_old + i_middle + i_new) * (1.0 / 3.0)
+
+
+@kernel
+def _square(i_old, i_new):
+    """Mean square [A^2] of a current that is straight over a step."""
+    return (i_old * i_old + i_old * i_new + i_new * i_new) * (1.0 / 3.0)
+
+
+@kernel
 def _store(
     x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
-    filtered, charge, loss, friction,
+    closing_a, closing_b, closing_c, filtered, charge, loss, friction,
 ):  # fmt: skip
     """Write what `advance` holds in its variables into the frame at `o`."""
     x[o + at.THETA], x[o + at.W], x[o + at.POSITION] = theta, w, position
@@ -110,6 +100,7 @@ def _store(
     x[o + at.I_A], x[o + at.I_B], x[o + at.I_C] = i_a, i_b, i_c
     x[o + at.U_A], x[o + at.U_B], x[o + at.U_C] = u_a, u_b, u_c
     x[o + at.REST_A], x[o + at.REST_B], x[o + at.REST_C] = rest_a, rest_b, rest_c
+    x[o + at.CLOSING_A], x[o + at.CLOSING_B], x[o + at.CLOSING_C] = closing_a, closing_b, closing_c
     x[o + at.I_FILTERED], x[o + at.CHARGE], x[o + at.LOSS] = filtered, charge, loss
     x[o + at.FRICTION] = friction
 
@@ -136,6 +127,8 @@ def advance(v, x, t):
     open_a = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 0)
     open_b = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 1)
     open_c = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 2)
+    per_G = windings.per_sum(G_a, G_b, G_c)
+    of = frame.mechanics_of(v)
     tau = v[at.TAU]
     located = v[at.EVENT_LOCATED] != 0.0
     largest = T_c / int(T_c / v[at.STEP] + 0.999999)
@@ -150,6 +143,7 @@ def advance(v, x, t):
     i_a, i_b, i_c = x[o + at.I_A], x[o + at.I_B], x[o + at.I_C]
     u_a, u_b, u_c = x[o + at.U_A], x[o + at.U_B], x[o + at.U_C]
     rest_a, rest_b, rest_c = x[o + at.REST_A], x[o + at.REST_B], x[o + at.REST_C]
+    closing_a, closing_b, closing_c = x[o + at.CLOSING_A], x[o + at.CLOSING_B], x[o + at.CLOSING_C]
     filtered, charge, loss = x[o + at.I_FILTERED], x[o + at.CHARGE], x[o + at.LOSS]
     friction = x[o + at.FRICTION]
     I_cos, I_sin = x[o + at.REF_COS], x[o + at.REF_SIN]
@@ -174,9 +168,9 @@ def advance(v, x, t):
         error_a = controller.phase_reference(I_cos, I_sin, s_a, c_a) - i_a - off_a
         error_b = controller.phase_reference(I_cos, I_sin, s_b, c_b) - i_b - off_b
         error_c = controller.phase_reference(I_cos, I_sin, s_c, c_c) - i_c - off_c
-        u_a, rest_a = inverter.hysteresis(u_a, rest_a, error_a, band, margin, dead_time)
-        u_b, rest_b = inverter.hysteresis(u_b, rest_b, error_b, band, margin, dead_time)
-        u_c, rest_c = inverter.hysteresis(u_c, rest_c, error_c, band, margin, dead_time)
+        u_a, rest_a = inverter.hysteresis(u_a, rest_a, error_a, band, margin, dead_time, closing_a)
+        u_b, rest_b = inverter.hysteresis(u_b, rest_b, error_b, band, margin, dead_time, closing_b)
+        u_c, rest_c = inverter.hysteresis(u_c, rest_c, error_c, band, margin, dead_time, closing_c)
         gate_a = inverter.gate(u_a, rest_a, open_a)
         gate_b = inverter.gate(u_b, rest_b, open_b)
         gate_c = inverter.gate(u_c, rest_c, open_c)
@@ -187,7 +181,7 @@ def advance(v, x, t):
         k_b = windings.back_emf_coefficient(N_b, K_e, s_b, c_b, z_cos, z_sin)
         k_c = windings.back_emf_coefficient(N_c, K_e, s_c, c_c, z_cos, z_sin)
         e_a, e_b, e_c = k_a * w, k_b * w, k_c * w
-        g_a, g_b, g_c = G_a, G_b, G_c
+        g_a, g_b, g_c, per_g = G_a, G_b, G_c, per_G
         if rail_a == 0.0 or rail_b == 0.0 or rail_c == 0.0:
             g_a = G_a if rail_a != 0.0 else 0.0
             g_b = G_b if rail_b != 0.0 else 0.0
@@ -199,6 +193,7 @@ def advance(v, x, t):
                 g_a,
                 g_b,
                 g_c,
+                windings.per_sum(g_a, g_b, g_c),
             )
             if rail_a == 0.0:
                 rail_a = inverter.forward_biased(v_n + e_a, V_dc)
@@ -209,22 +204,28 @@ def advance(v, x, t):
             if rail_c == 0.0:
                 rail_c = inverter.forward_biased(v_n + e_c, V_dc)
                 g_c = G_c if rail_c != 0.0 else 0.0
+            per_g = windings.per_sum(g_a, g_b, g_c)
         v_a, v_b, v_c = 0.5 * V_dc * rail_a, 0.5 * V_dc * rail_b, 0.5 * V_dc * rail_c
         d_a, d_b, d_c = v_a - R_a * i_a - e_a, v_b - R_b * i_b - e_b, v_c - R_c * i_c - e_c
-        v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c)
+        v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c, per_g)
         f_a, f_b, f_c = g_a * (d_a - v_n), g_b * (d_b - v_n), g_c * (d_c - v_n)
 
         if located:
             turn = p * w
-            ref_a = -turn * (I_cos * c_a - I_sin * s_a)
-            ref_b = -turn * (I_cos * c_b - I_sin * s_b)
-            ref_c = -turn * (I_cos * c_c - I_sin * s_c)
-            h = _step_to_event(
-                min(largest, T_c - elapsed), band,
-                u_a, error_a, ref_a, rest_a, gate_a, i_a, f_a,
-                u_b, error_b, ref_b, rest_b, gate_b, i_b, f_b,
-                u_c, error_c, ref_c, rest_c, gate_c, i_c, f_c,
-            )  # fmt: skip
+            closing_a = u_a * (f_a + turn * (I_cos * c_a - I_sin * s_a))
+            closing_b = u_b * (f_b + turn * (I_cos * c_b - I_sin * s_b))
+            closing_c = u_c * (f_c + turn * (I_cos * c_c - I_sin * s_c))
+            most = min(largest, T_c - elapsed)
+            h = inverter.time_to_event(
+                most, u_a, error_a, closing_a, band, dead_time, rest_a, gate_a, rail_a, i_a, f_a, R_a * G_a
+            )
+            h = inverter.time_to_event(
+                h, u_b, error_b, closing_b, band, dead_time, rest_b, gate_b, rail_b, i_b, f_b, R_b * G_b
+            )
+            h = inverter.time_to_event(
+                h, u_c, error_c, closing_c, band, dead_time, rest_c, gate_c, rail_c, i_c, f_c, R_c * G_c
+            )
+            h = min(most, max(h, SHORTEST))
             steps += 1
             if steps > MOST_STEPS:
                 return at.STUCK
@@ -234,7 +235,7 @@ def advance(v, x, t):
         if on_trial:
             _store(
                 x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
-                filtered, charge, loss, friction,
+                closing_a, closing_b, closing_c, filtered, charge, loss, friction,
             )  # fmt: skip
             x[at.OFFSET] = elapsed
             for i in range(at.FRAME_SIZE):
@@ -252,14 +253,14 @@ def advance(v, x, t):
         m_a, m_b, m_c = i_a + 0.5 * h * f_a, i_b + 0.5 * h * f_b, i_c + 0.5 * h * f_c
         T_m = windings.torque(k_a, k_b, k_c, m_a, m_b, m_c)
         load = frame.held_input(v, x, at.LOAD_TORQUE, t - left + 0.5 * h)
-        theta_new, w_new, position, w_mean, friction = frame.move(v, theta, w, position, T_m, load, h)
+        theta_new, w_new, position, w_mean, friction = frame.move(of, theta, w, position, T_m, load, h)
         d_a, d_b, d_c = v_a - R_a * m_a - k_a * w_mean, v_b - R_b * m_b - k_b * w_mean, v_c - R_c * m_c - k_c * w_mean
-        v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c)
+        v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c, per_g)
         new_a, new_b, new_c = i_a + h * g_a * (d_a - v_n), i_b + h * g_b * (d_b - v_n), i_c + h * g_c * (d_c - v_n)
         if gate_a * gate_b * gate_c == 0.0:
-            cut_a = _settle(i_a, new_a, gate_a)
-            cut_b = _settle(i_b, new_b, gate_b)
-            cut_c = _settle(i_c, new_c, gate_c)
+            cut_a = _settle(i_a, new_a, inverter.gate(u_a, rest_a - h, open_a))
+            cut_b = _settle(i_b, new_b, inverter.gate(u_b, rest_b - h, open_b))
+            cut_c = _settle(i_c, new_c, inverter.gate(u_c, rest_c - h, open_c))
             if cut_a != 0.0:
                 new_a, new_b, new_c = 0.0, new_b + 0.5 * cut_a, new_c + 0.5 * cut_a
             if cut_b != 0.0:
@@ -267,10 +268,12 @@ def advance(v, x, t):
             if cut_c != 0.0:
                 new_a, new_b, new_c = new_a + 0.5 * cut_c, new_b + 0.5 * cut_c, 0.0
 
+        # what is summed up takes the currents' bend within the step into account: third order, at one step a commutation
+        loss += h * R * (N_a * _square(i_a, new_a) + N_b * _square(i_b, new_b) + N_c * _square(i_c, new_c))
+        m_a, m_b, m_c = _mean(i_a, m_a, new_a), _mean(i_b, m_b, new_b), _mean(i_c, m_c, new_c)
         q = monitor.quadrature_current(m_a, m_b, m_c, s_m, c_m)
         filtered = monitor.low_pass(filtered, q, h, tau)
         charge += 0.5 * h * (rail_a * m_a + rail_b * m_b + rail_c * m_c)
-        loss += h * R * (N_a * m_a * m_a + N_b * m_b * m_b + N_c * m_c * m_c)
         s, c = rotate(s, c, p * (theta_new - theta))
         theta, w = theta_new, w_new
         i_a, i_b, i_c = new_a, new_b, new_c
@@ -293,7 +296,7 @@ def advance(v, x, t):
 
     _store(
         x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
-        filtered, charge, loss, friction,
+        closing_a, closing_b, closing_c, filtered, charge, loss, friction,
     )  # fmt: skip
     if x[at.PENDING] == 0.0:
         x[at.OFFSET] = elapsed

@@ -29,7 +29,8 @@ CHARGE, LOSS, FRICTION, SATURATED = 11, 12, 13, 14  # supply charge [C], copper 
 REF_COS, REF_SIN = 15, 16  # HF: I_ref times cosine and sine of the resolver's electrical error
 U_A, U_B, U_C = 17, 18, 19  # HF: commanded switch of each leg, +1 upper, -1 lower
 REST_A, REST_B, REST_C = 20, 21, 22  # HF: rest of each leg's dead time [s]
-FRAME_SIZE = 23
+CLOSING_A, CLOSING_B, CLOSING_C = 23, 24, 25  # HF: speed of each leg's error towards the band in the last step [A/s]
+FRAME_SIZE = 26
 
 OWN = 16
 """Frame at the end of the last whole step of the twin's own."""

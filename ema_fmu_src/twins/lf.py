@@ -68,7 +68,7 @@ def _step(v, x, to, t, h):
     mean = 0.5 * (i + new)
 
     load = frame.held_input(v, x, at.LOAD_TORQUE, t + 0.5 * h)
-    theta, w, position, _, T_f = frame.move(v, theta, w, position, 1.5 * K_f * mean, load, h)
+    theta, w, position, _, T_f = frame.move(frame.mechanics_of(v), theta, w, position, 1.5 * K_f * mean, load, h)
     s, c = rotate(s, c, p * (theta - x[o + at.THETA] - half))
     s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
 
