@@ -98,33 +98,25 @@ def _step(typing_context, address, component, time, size, no_set_state_prior):  
 
 
 @njit(cache=True)
-def _set(calls, component, n, places, row, address, wholes):  # type: ignore[no-untyped-def]
-    """Inputs from `row`, which lies at `address`; place in CALLS and status of a bad call, or 0, 0."""
-    if n[0]:
-        status = _values(calls[SET_REAL], component, places[0], n[0], address)
-        if status > WARNING:
-            return SET_REAL, status
+def _set_others(calls, component, n, places, row, wholes, whole_data):  # type: ignore[no-untyped-def]
+    """Integer and Boolean inputs from `row`; place in CALLS and status of a bad call, or 0, 0."""
     for kind, call in ((1, SET_INTEGER), (2, SET_BOOLEAN)):
         if n[kind]:
             first = n[0] + (n[1] if kind == 2 else 0)
             for i in range(n[kind]):
                 wholes[i] = int(row[first + i])
-            status = _values(calls[call], component, places[kind], n[kind], wholes.ctypes.data)
+            status = _values(calls[call], component, places[kind], n[kind], whole_data)
             if status > WARNING:
                 return call, status
     return 0, 0
 
 
 @njit(cache=True)
-def _get(calls, component, n, places, row, address, wholes):  # type: ignore[no-untyped-def]
-    """Outputs into `row`, which lies at `address`; place in CALLS and status of a bad call, or 0, 0."""
-    if n[0]:
-        status = _values(calls[GET_REAL], component, places[0], n[0], address)
-        if status > WARNING:
-            return GET_REAL, status
+def _get_others(calls, component, n, places, row, wholes, whole_data):  # type: ignore[no-untyped-def]
+    """Integer and Boolean outputs into `row`; place in CALLS and status of a bad call, or 0, 0."""
     for kind, call in ((1, GET_INTEGER), (2, GET_BOOLEAN)):
         if n[kind]:
-            status = _values(calls[call], component, places[kind], n[kind], wholes.ctypes.data)
+            status = _values(calls[call], component, places[kind], n[kind], whole_data)
             if status > WARNING:
                 return call, status
             first = n[0] + (n[1] if kind == 2 else 0)
@@ -144,27 +136,37 @@ def _loop(calls, component, start, step, span, given, wanted, places, ramps, tab
     wholes = np.empty(table.shape[1] + outputs.shape[1], np.int32)
     columns, references = ramps
     orders, slopes = np.ones(len(columns), np.int32), np.empty(len(columns))
-    input_data, input_stride = table.ctypes.data, 8 * table.shape[1]
-    output_data, output_stride = outputs.ctypes.data, 8 * outputs.shape[1]
+    slope_at, order_at, reference_at = slopes.ctypes.data, orders.ctypes.data, references.ctypes.data
+    whole_at, input_at, output_at = wholes.ctypes.data, table.ctypes.data, outputs.ctypes.data
+    input_stride, output_stride = 8 * table.shape[1], 8 * outputs.shape[1]
     for n in range(span[0], span[1]):
         if n >= 0:
-            call, status = _set(calls, component, given, places[0], table[n], input_data + n * input_stride, wholes)
-            if status > WARNING:
-                return n, call, status
+            at, end = start + n * step, start + (n + 1) * step
+            if given[0]:
+                status = _values(calls[SET_REAL], component, places[0][0], given[0], input_at + n * input_stride)
+                if status > WARNING:
+                    return n, SET_REAL, status
+            if given[1] + given[2]:
+                call, status = _set_others(calls, component, given, places[0], table[n], wholes, whole_at)
+                if status > WARNING:
+                    return n, call, status
             if len(columns):
                 for i in range(len(columns)):
                     slopes[i] = (table[n + 1, columns[i]] - table[n, columns[i]]) / step
-                data = references.ctypes.data, orders.ctypes.data, slopes.ctypes.data
-                status = _slopes(calls[SET_SLOPE], component, data[0], len(columns), data[1], data[2])
+                status = _slopes(calls[SET_SLOPE], component, reference_at, len(columns), order_at, slope_at)
                 if status > WARNING:
                     return n, SET_SLOPE, status
-            status = _step(calls[DO_STEP], component, start + n * step, step, np.int32(1))
+            status = _step(calls[DO_STEP], component, at, end - at, np.int32(1))
             if status > WARNING:
                 return n, DO_STEP, status
-        after = n + 1
-        call, status = _get(calls, component, wanted, places[1], outputs[after], output_data + after * output_stride, wholes)
-        if status > WARNING:
-            return n, call, status
+        if wanted[0]:
+            status = _values(calls[GET_REAL], component, places[1][0], wanted[0], output_at + (n + 1) * output_stride)
+            if status > WARNING:
+                return n, GET_REAL, status
+        if wanted[1] + wanted[2]:
+            call, status = _get_others(calls, component, wanted, places[1], outputs[n + 1], wholes, whole_at)
+            if status > WARNING:
+                return n, call, status
     return NO_STEP, 0, 0
 
 

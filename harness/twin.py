@@ -101,18 +101,16 @@ class Twin:
         The dataset's variables carry units and long_name; its attributes the trial, the parameters, the FMU's hash,
         wall_s (of the communication loop) and simulated_s. The command is there too.
         """
-        if self._slave is None:
-            raise HarnessError(f"{self.path}: already closed")
         given = dict(parameters or {})
         held = {name: given[name] for name in ("load_torque", "supply_voltage") if name in given}
         fixed = {name: value for name, value in given.items() if name not in held}
         inputs = {name: np.full(len(trial.time), value) for name, value in held.items()} | trial.inputs
         reals = [port for port in ports.OUTPUTS if port.kind == "Real"]
         booleans = [port for port in ports.OUTPUTS if port.kind == "Boolean"]
+        slave = self.begin(fixed, {name: float(series[0]) for name, series in inputs.items()}, start=trial.start)
         try:
-            self._begin(trial, fixed, inputs)
             values, wall = master.run(
-                self._slave,
+                slave,
                 start=trial.start,
                 step=trial.step,
                 stimuli=self._stimuli(trial, inputs),
@@ -133,21 +131,28 @@ class Twin:
         ramps = [column for column, name in enumerate(inputs) if interpolates and name in trial.continuous]
         return master.Stimuli(references, np.column_stack(list(inputs.values())), ramps)
 
-    def _begin(self, trial: Trial, parameters: Mapping[str, float], inputs: Mapping[str, Any]) -> None:
+    def begin(self, parameters: Mapping[str, float], inputs: Mapping[str, float], *, start: float = 0.0) -> Any:
+        """Start anew at the time `start` [s]: FMPy's slave, reset, set and out of initialization mode."""
+        if self._slave is None:
+            raise HarnessError(f"{self.path}: already closed")
         slave = self._slave
         self._messages.clear()
         if self._begun:
             slave.reset()
         self._begun = True
-        slave.setupExperiment(startTime=trial.start)
-        for name, value in parameters.items():
-            self._set(name, value)
-        slave.enterInitializationMode()
-        for name, values in inputs.items():
-            self._set(name, float(values[0]))
-        slave.exitInitializationMode()
+        try:
+            slave.setupExperiment(startTime=start)
+            for name, value in parameters.items():
+                self._set(name, value)
+            slave.enterInitializationMode()
+            for name, value in inputs.items():
+                self._set(name, value)
+            slave.exitInitializationMode()
+        except FMICallException as error:
+            raise HarnessError(f"{self.path.name}: {self._told() or error}") from None
         if told := self._told():
-            raise HarnessError(f"{self.path.name}, trial {trial.name}: {told}")
+            raise HarnessError(f"{self.path.name}: {told}")
+        return slave
 
     def _set(self, name: str, value: float) -> None:
         variable = self._variables.get(name)

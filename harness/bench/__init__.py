@@ -1,0 +1,1 @@
+"""`ema bench`: speed and accuracy of the fidelities in one table, the master's overhead, and peers."""

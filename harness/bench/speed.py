@@ -1,0 +1,147 @@
+"""Wall time of every fidelity per simulated second, and its errors against HF at a fixed step of 1e-7 s."""
+
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import xarray as xr
+
+from harness.compare import compare
+from harness.fidelity import FIDELITIES
+from harness.trials import BUILT_IN, PAPER, trial
+from harness.twin import Twin
+
+VARIABLES = ("position", "motor_speed", "equivalent_current_filtered")
+REFERENCE = "HF fixed 1e-7 s"
+MODES: dict[str, tuple[str, dict[str, float]]] = {
+    REFERENCE: ("HF", {"solver.event_located": 0.0, "solver.step": 1e-7}),
+    "HF fixed 1e-6 s": ("HF", {"solver.event_located": 0.0, "solver.step": 1e-6}),
+    "HF": ("HF", {}),
+    "ELF": ("ELF", {}),
+    "ELF+": ("ELF+", {}),
+    "LF": ("LF", {}),
+}
+"""Rows of the table: name -> fidelity and what is set besides."""
+ONCE = (REFERENCE, "HF fixed 1e-6 s")
+"""Flown once, because they take their time."""
+PAPERS = {"HF": "180 s, 17.5 s accelerated", "ELF": "1.8 s, 0.8 s accelerated"}
+"""The paper's times (Simulink, i7-9750H) of a run whose duration it does not give."""
+CHANGED: dict[str, dict[str, float]] = {
+    "supply 36 V": {"supply_voltage": 36.0},
+    "current limit 20 A": {"controller.current_limit": 20.0},
+    "R = 2 Ohm": {"motor.R": 2.0},
+    "N_a = 0.7": {"fault.N_a": 0.7},
+    "zeta = 0.1": {"fault.zeta": 0.1},
+}
+FAULTY = ("N_a = 0.7", "zeta = 0.1")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One mode in one trial: wall time per simulated second [s], median of several; NRMSE by variable, None for the
+    reference itself."""
+
+    trial: str
+    mode: str
+    wall: float
+    errors: dict[str, float | None]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One figure with the limit that this project sets itself."""
+
+    what: str
+    value: float
+    limit: float
+    at_least: bool = False
+
+    @property
+    def met(self) -> bool:
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+    def as_dict(self) -> dict[str, object]:
+        return asdict(self) | {"met": self.met}
+
+
+@dataclass
+class Speed:
+    """What was measured."""
+
+    rows: list[Row] = field(default_factory=list)
+    changed: dict[tuple[str, str, str], dict[str, float | None]] = field(default_factory=dict)
+    """(what is changed, trial, mode) -> errors against the fixed-step HF with the same change."""
+
+    def row(self, flown: str, mode: str) -> Row:
+        return next(row for row in self.rows if (row.trial, row.mode) == (flown, mode))
+
+    def trials(self) -> list[str]:
+        return list(dict.fromkeys(row.trial for row in self.rows))
+
+
+def plan(trials: Sequence[str], repeats: int) -> int:
+    """How many runs `measure` will fly."""
+    changed = [name for name in ("SIN4", "SIN", "STEP-RAMP") if name in trials]
+    extra = sum(len(CHANGED) if name == "SIN4" else len(FAULTY) for name in changed)
+    return len(trials) * (len(ONCE) + repeats * (len(MODES) - len(ONCE))) + 3 * extra
+
+
+def measure(
+    fmus: Path, trials: Sequence[str] = tuple(BUILT_IN), *, repeats: int = 5, on_run: Callable[[str], None] = lambda _: None
+) -> Speed:
+    """Fly every mode of MODES in `trials` with the FMUs in the folder `fmus`, one after the other on one core."""
+    speed = Speed()
+    with ExitStack() as stack:
+        twins = {name: stack.enter_context(Twin(fmus / chosen.fmu)) for name, chosen in FIDELITIES.items()}
+
+        def fly(name: str, mode: str, also: Mapping[str, float] = {}) -> xr.Dataset:
+            on_run(f"{name} {mode}")
+            fidelity, parameters = MODES[mode]
+            return twins[fidelity].run(trial(name), {**FIDELITIES[fidelity].parameters, **parameters, **also})
+
+        for name in trials:
+            reference = None
+            for mode in MODES:
+                runs = [fly(name, mode) for _ in range(1 if mode in ONCE else repeats)]
+                reference = runs[0] if reference is None else reference
+                wall = statistics.median(run.attrs["wall_s"] / run.attrs["simulated_s"] for run in runs)
+                errors = {} if mode == REFERENCE else errors_of(runs[0], reference)
+                speed.rows.append(Row(name, mode, wall, errors))
+        for name, changes in (("SIN4", tuple(CHANGED)), ("SIN", FAULTY), ("STEP-RAMP", FAULTY)):
+            for change in changes if name in trials else ():
+                reference = fly(name, REFERENCE, CHANGED[change])
+                for mode in ("HF", "ELF+"):
+                    speed.changed[change, name, mode] = errors_of(fly(name, mode, CHANGED[change]), reference)
+    return speed
+
+
+def errors_of(run: xr.Dataset, reference: xr.Dataset) -> dict[str, float | None]:
+    """NRMSE of each of VARIABLES."""
+    found = compare(run, reference, names=("candidate", "reference"))
+    return {item.variable: item.nrmse for item in found if item.variable in VARIABLES}
+
+
+def checks(speed: Speed) -> Iterator[Check]:
+    """The figures that this project sets itself, for the trials that were flown."""
+    position, motor_speed, current = VARIABLES
+    for name in speed.trials():
+        hf, plus, lf, fixed = (speed.row(name, mode) for mode in ("HF", "ELF+", "LF", REFERENCE))
+        for variable, limit in ((position, 5e-4), (motor_speed, 5e-4), (current, 5e-3)):
+            yield Check(f"{name}: HF, error of {variable}", hf.errors[variable] or 0.0, limit)
+        yield Check(f"{name}: HF, wall s / simulated s", hf.wall, 0.020)
+        yield Check(f"{name}: HF fixed 1e-7 s / HF, time", fixed.wall / hf.wall, 40.0, at_least=True)
+        yield Check(f"{name}: ELF+, error of position", plus.errors[position] or 0.0, 1.5e-3 if name == "SIN4" else 5e-4)
+        if name == "SIN4":
+            yield Check(f"{name}: ELF+, error of motor_speed", plus.errors[motor_speed] or 0.0, 2e-3)
+            yield Check(f"{name}: ELF+, error of {current}", plus.errors[current] or 0.0, 5e-3)
+        yield Check(f"{name}: ELF+, wall s / simulated s", plus.wall, 0.001)
+        yield Check(f"{name}: HF / ELF+, time", hf.wall / plus.wall, 15.0, at_least=True)
+        yield Check(f"{name}: HF fixed 1e-7 s / ELF+, time", fixed.wall / plus.wall, 1000.0, at_least=True)
+        yield Check(f"{name}: LF, wall s / simulated s", lf.wall, 0.0005)
+    for (change, name, mode), errors in speed.changed.items():
+        if mode == "ELF+":
+            spread = 2.0 * (speed.changed[change, name, "HF"][position] or 0.0)
+            limit = 1e-3 if name in PAPER and name != "SIN4" else spread if change in FAULTY else 2e-3
+            yield Check(f"{name}, {change}: ELF+, error of position", errors[position] or 0.0, limit)

@@ -1,0 +1,156 @@
+"""`ema bench`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harness.cli.build import build_missing
+from harness.cli.options import FmuDir, JsonFile
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from harness.bench.overhead import Overhead
+    from harness.bench.page import Table
+    from harness.bench.peers import Peer
+    from harness.bench.speed import Check, Speed
+
+COUNTED = ("ELF+", "LF")
+"""Fidelities whose master's overhead is shown."""
+
+
+def bench(
+    trials: Annotated[list[str] | None, typer.Argument(metavar="[TRIAL ...]", help="All six if none is named.")] = None,
+    repeats: Annotated[int, typer.Option(metavar="N", help="Runs of which the median is taken.")] = 5,
+    peers: Annotated[bool, typer.Option("--peers/--no-peers", help="Also those of the extra [bench].")] = True,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench.html.")] = None,
+    json_file: JsonFile = None,
+    fmus: FmuDir = None,
+) -> None:
+    """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run."""
+    import json
+
+    from harness import results
+    from harness.bench import overhead, speed
+    from harness.bench.page import page
+    from harness.bench.peers import measure as measure_peers
+    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.trials import BUILT_IN, trial
+
+    if repeats < 1:
+        raise HarnessError(f"--repeats {repeats}: at least 1 is needed")
+    names = [trial(name).name for name in trials or BUILT_IN]
+    folder = fmus or FMU_DIR
+    for path in (out / "bench.html" if out else None, json_file):
+        if path:
+            results.prepare_file(path)
+    build_missing(list(FIDELITIES.values()), folder, own=fmus is None)
+    measured = _with_progress(
+        lambda told: speed.measure(folder, names, repeats=repeats, on_run=told), speed.plan(names, repeats)
+    )
+    added = [overhead.measure(folder, name) for name in COUNTED]
+    beside = measure_peers() if peers else []
+    found = [*speed.checks(measured), *map(_overhead_check, added)]
+    tables = [
+        _speed_table(measured),
+        _changed_table(measured),
+        _overhead_table(added),
+        _peer_table(beside),
+        _check_table(found),
+    ]
+    for table in tables:
+        _print(table)
+    if out:
+        results.write(out / "bench.html", page(tables, measured))
+        typer.echo(f"page: {out / 'bench.html'}")
+    if json_file:
+        content = {
+            "rows": [vars(row) for row in measured.rows],
+            "changed": [dict(zip(("change", "trial", "mode"), key, strict=True)) | e for key, e in measured.changed.items()],
+            "overhead": [item.as_dict() for item in added],
+            "peers": [vars(peer) for peer in beside],
+            "checks": [check.as_dict() for check in found],
+        }
+        results.write(json_file, json.dumps(content, indent=1) + "\n")
+
+
+def _with_progress(run: "Callable[[Callable[[str], None]], Speed]", total: int) -> "Speed":
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("starting", total=total)
+        return run(lambda text: progress.update(task, description=text, advance=1))
+
+
+def _percent(error: float | None) -> str:
+    return "-" if error is None else f"{100.0 * error:.4f} %"
+
+
+def _overhead_check(added: "Overhead") -> "Check":
+    from harness.bench.speed import Check
+
+    return Check(f"{added.fidelity}: overhead of fmpy.simulate_fmu / the master's", added.fmpy / added.master, 50.0, True)
+
+
+def _speed_table(speed: "Speed") -> "Table":
+    from harness.bench.speed import PAPERS, VARIABLES
+
+    rows = []
+    for row in speed.rows:
+        errors = [_percent(row.errors[name]) if row.errors else "reference" for name in VARIABLES]
+        ratio = speed.row(row.trial, "HF").wall / row.wall
+        rows.append((row.trial, row.mode, f"{1e3 * row.wall:.3f}", f"{ratio:.3g}", *errors, PAPERS.get(row.mode, "")))
+    heads = ("Trial", "Fidelity", "ms / s", "HF / this", "position", "motor_speed", "current, filtered", "paper, a run")
+    return "Wall time per simulated second, and errors (NRMSE) against HF at a fixed 1e-7 s", heads, rows
+
+
+def _changed_table(speed: "Speed") -> "Table":
+    from harness.bench.speed import VARIABLES
+
+    rows = [(*key, *(_percent(errors[name]) for name in VARIABLES)) for key, errors in speed.changed.items()]
+    return "One parameter changed", ("Change", "Trial", "Fidelity", "position", "motor_speed", "current, filtered"), rows
+
+
+def _overhead_table(added: "list[Overhead]") -> "Table":
+    rows = [
+        (item.fidelity, *(f"{1e9 * value:.1f}" for value in (item.fmu, item.master, item.fmpy)),
+         f"{item.fmpy / item.master:.0f}", "yes" if item.identical else "NO")
+        for item in added
+    ]  # fmt: skip
+    heads = ("FMU", "its own ns", "master ns", "fmpy.simulate_fmu ns", "fmpy / master", "same bits")
+    return "A communication step: the FMU's own time, and what the loop around it adds", heads, rows
+
+
+def _peer_table(peers: "list[Peer]") -> "Table":
+    rows: list[tuple[str, ...]] = [
+        (peer.name, f"{peer.wall:.3g}" if peer.wall else "-", peer.computes, peer.lacks) for peer in peers
+    ]
+    return "Peers, wall seconds per simulated second", ("Peer", "wall s / s", "computes", "does not"), rows
+
+
+def _check_table(checks: "list[Check]") -> "Table":
+    rows: list[tuple[str, ...]] = []
+    for check in checks:
+        asked = f"{'>=' if check.at_least else '<='} {check.limit:.4g}"
+        rows.append((check.what, f"{check.value:.4g}", asked, "met" if check.met else "NOT met"))
+    met = sum(check.met for check in checks)
+    return f"Limits that this project sets itself: {met} of {len(checks)} met", ("Figure", "found", "asked", ""), rows
+
+
+def _print(table: "Table") -> None:
+    from rich.console import Console
+    from rich.table import Table as Shown
+
+    caption, heads, rows = table
+    if not rows:
+        return
+    shown = Shown(title=caption)
+    for head in heads:
+        shown.add_column(head)
+    for row in rows:
+        shown.add_row(*row)
+    Console().print(shown)
