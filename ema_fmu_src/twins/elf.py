@@ -138,6 +138,6 @@ def advance(v, x, t):
         x[at.TICK] += 1.0
         x[at.OFFSET] = 0.0
         x[at.LIMITED] += x[at.OWN + at.SATURATED]
-        if int(x[at.TICK]) % per_period == 0:
+        if per_period == 1 or int(x[at.TICK]) % per_period == 0:
             x[at.DUE] = 1.0
     return frame.publish(v, x, t)

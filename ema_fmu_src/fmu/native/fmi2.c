@@ -232,7 +232,7 @@ static const char *unusable(const fmi2ValueReference vr[], size_t n, const void 
         const char *problem = unusable(vr, n, value);                                                              \
         if (problem) REFUSE(function ": %s", problem);                                                             \
         for (size_t i = 0; i < n; i++)                                                                             \
-            if (vr[i] >= N_VARIABLES || VARIABLES[vr[i]].kind != kind_)                                            \
+            if (vr[i] >= N_VARIABLES || KIND_OF[vr[i]] != kind_)                                                       \
                 REFUSE("value reference %u is no %s variable of " MODEL, vr[i], KINDS[kind_]);                     \
     } while (0)
 

@@ -60,7 +60,8 @@ def header(model: str, guid: str) -> str:
         start = number(variable.start_for(model), "")
         kind, causality, fixed = variable.kind.upper(), variable.causality.upper(), int(variable.variability == "fixed")
         lines.append(f'    {{"{variable.name}", {kind}, {causality}, {fixed}, {low}, {high}, {start}}},')
-    return "\n".join([*lines, "};", ""])
+    kinds = ", ".join(variable.kind.upper() for variable in ports.VARIABLES)
+    return "\n".join([*lines, "};", f"static const unsigned char KIND_OF[] = {{{kinds}}};", ""])
 
 
 def _run(command: Sequence[str], *, environment: Mapping[str, str] | None = None) -> None:
