@@ -121,6 +121,10 @@ class Twin:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {self._told() or error}") from None
         return self._dataset(trial, given, inputs, values, wall, [*reals, *booleans])
 
+    def read(self, name: str) -> float:
+        """The value that the Real variable `name` has now."""
+        return float(self._slave.getReal([self._variables[name].valueReference])[0])
+
     def _references(self, variables: Sequence[ports.Variable]) -> list[int]:
         return [self._variables[variable.name].valueReference for variable in variables]
 

@@ -16,6 +16,6 @@ def quadrature_current(i_a, i_b, i_c, s, c):
 
 
 @kernel
-def low_pass(y, u, h, tau):
-    """First-order low-pass of time constant tau [s] after a step h [s] with the mean input u (trapezoidal rule)."""
-    return y + (u - y) * h / (tau + 0.5 * h)
+def low_pass(y, u, smoothing):
+    """First-order low-pass after a step with the mean input u (trapezoidal rule): smoothing = h/(tau + h/2)."""
+    return y + (u - y) * smoothing

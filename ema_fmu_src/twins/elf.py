@@ -24,7 +24,7 @@ N_STATES = at.N_STATES
 @kernel
 def initialize(v, x):
     """Start at time 0; returns a status of layout.STATUS."""
-    return frame.start(v, x)
+    return frame.start(v, x, v[at.PERIOD])
 
 
 @kernel
@@ -55,8 +55,7 @@ def _step(v, x, to, t, h):
     s, c = sincos(p * (theta + half))
     s_end, c_end = rotate(s, c, p * half)
 
-    z_cos, z_sin = frame.eccentricity(v)
-    K_e = v[at.K_E] * v[at.FAULT_MAGNET]
+    z_cos, z_sin, K_e = x[at.Z_COS], x[at.Z_SIN], x[at.K_HOT]
     N_a, N_b, N_c = v[at.FAULT_N_A], v[at.FAULT_N_B], v[at.FAULT_N_C]
     s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
     k_a = windings.back_emf_coefficient(N_a, K_e, s_a, c_a, z_cos, z_sin)
@@ -64,7 +63,7 @@ def _step(v, x, to, t, h):
     k_c = windings.back_emf_coefficient(N_c, K_e, s_c, c_c, z_cos, z_sin)
     r_a, r_b, r_c, c_a, c_b, c_c = three_phases(s_end, c_end)
     ref_a, ref_b, ref_c = -I_ref * r_a, -I_ref * r_b, -I_ref * r_c
-    R = v[at.R] * v[at.FAULT_RESISTANCE]
+    R = x[at.R_HOT]
 
     if v[at.COUPLED] != 0.0:
         L, R_on = v[at.L], v[at.R_ON]
@@ -100,7 +99,7 @@ def _step(v, x, to, t, h):
 
     T_m = windings.torque(k_a, k_b, k_c, m_a, m_b, m_c)
     load = frame.held_input(v, x, at.LOAD_TORQUE, t + 0.5 * h)
-    theta, w, position, _, T_f = frame.move(frame.mechanics_of(v), theta, w, x[o + at.POSITION], T_m, load, h)
+    theta, w, position, _, T_f = frame.move(v, x, theta, w, x[o + at.POSITION], T_m, load, h)
     s_end, c_end = rotate(s_end, c_end, p * (theta - x[o + at.THETA] - 2.0 * half))
 
     supply = (u_a * m_a + u_b * m_b + u_c * m_c) / V_dc if V_dc > 0.0 else 0.0
@@ -114,9 +113,7 @@ def _step(v, x, to, t, h):
 @kernel
 def advance(v, x, t):
     """Run to time `t` [s] since the start; returns a status of layout.STATUS."""
-    T_c = v[at.PERIOD]
-    per_period = int(T_c / v[at.STEP] + 0.999999)
-    grid = T_c / per_period
+    grid, per_period = x[at.GRID], int(x[at.PER_PERIOD])
     status = frame.take_in(v, x, grid)
     if status != at.OK:
         return status

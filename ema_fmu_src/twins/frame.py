@@ -14,24 +14,41 @@ from . import layout as at
 
 
 @kernel
-def eccentricity(v):
-    """p*zeta*(cos, sin)(phi) [1]; trigonometry only where there is an eccentricity."""
+def derive(v, x):
+    """Write what follows from the parameters into `x`; trigonometry only where there is an eccentricity."""
+    scale, jam = v[at.FAULT_FRICTION], v[at.FAULT_JAM]
+    half_play = 0.5 * v[at.BACKLASH] * v[at.FAULT_BACKLASH]
     depth = v[at.PAIRS] * v[at.FAULT_ZETA]
-    if depth == 0.0:
-        return 0.0, 0.0
-    s, c = sincos(v[at.FAULT_PHI])
-    return depth * c, depth * s
+    s, c = 0.0, 1.0
+    if depth != 0.0:
+        s, c = sincos(v[at.FAULT_PHI])
+    x[at.PER_RATIO] = 1.0 / v[at.RATIO]
+    x[at.STATIC] = v[at.T_STATIC] * scale + jam
+    x[at.COULOMB] = v[at.T_COULOMB] * scale + jam
+    x[at.LOSS_OPPOSING] = 1.0 / v[at.ETA_OPPOSING] - 1.0
+    x[at.LOSS_AIDING] = 1.0 - v[at.ETA_AIDING]
+    x[at.HALF_PLAY] = half_play
+    x[at.THETA_MAX] = (v[at.END_STOP] + half_play) * v[at.RATIO]
+    x[at.Z_COS], x[at.Z_SIN] = depth * c, depth * s
+    x[at.K_HOT] = v[at.K_E] * v[at.FAULT_MAGNET]
+    x[at.R_HOT] = v[at.R] * v[at.FAULT_RESISTANCE]
+    x[at.SMOOTHING] = x[at.GRID] / (v[at.TAU] + 0.5 * x[at.GRID])
 
 
 @kernel
-def start(v, x):
-    """Write the twin's state at time 0 from the parameters in `v`; returns a status."""
+def start(v, x, period):
+    """Write the twin's state at time 0 from the parameters in `v`; returns a status.
+
+    The twin's own step is the largest that is no longer than solver.step and divides `period` [s].
+    """
     for i in range(at.N_STATES):
         x[i] = 0.0
     if v[at.PAIRS] * v[at.FAULT_ZETA] >= 1.0:
         return at.ECCENTRIC
-    half_play = 0.5 * v[at.BACKLASH] * v[at.FAULT_BACKLASH]
-    theta_max = (v[at.END_STOP] + half_play) * v[at.RATIO]
+    x[at.PER_PERIOD] = float(int(period / v[at.STEP] + 0.999999))
+    x[at.GRID] = period / x[at.PER_PERIOD]
+    derive(v, x)
+    half_play, theta_max = x[at.HALF_PLAY], x[at.THETA_MAX]
     theta = clamp(v[at.INITIAL], -theta_max, theta_max)
     x[at.OWN + at.THETA] = theta
     x[at.OWN + at.W] = v[at.INITIAL + 1]
@@ -76,8 +93,10 @@ def take_in(v, x, grid):
     x[at.RAMPED] = 1.0 if sloped else 0.0
     x[at.STALE] = 0.0
     x[at.LIMITED] = 0.0
-    if stale and v[at.PAIRS] * v[at.FAULT_ZETA] >= 1.0:
-        return at.ECCENTRIC
+    if stale:
+        if v[at.PAIRS] * v[at.FAULT_ZETA] >= 1.0:
+            return at.ECCENTRIC
+        derive(v, x)
     return at.OK
 
 
@@ -88,34 +107,15 @@ def held_input(v, x, which, t):
 
 
 @kernel
-def mechanics_of(v):
-    """What `move` needs of the parameters: reciprocal gear ratio, limits of dry friction, losses of the gear, viscous
-    coefficient, inertia, half the play, the rotor's stop."""
-    scale, jam = v[at.FAULT_FRICTION], v[at.FAULT_JAM]
-    half_play = 0.5 * v[at.BACKLASH] * v[at.FAULT_BACKLASH]
-    return (
-        1.0 / v[at.RATIO],
-        v[at.T_STATIC] * scale + jam,
-        v[at.T_COULOMB] * scale + jam,
-        1.0 / v[at.ETA_OPPOSING] - 1.0,
-        1.0 - v[at.ETA_AIDING],
-        v[at.C],
-        v[at.J],
-        half_play,
-        (v[at.END_STOP] + half_play) * v[at.RATIO],
+def move(v, x, theta, w, position, T_m, load_torque, h):
+    """Mechanics over a step h [s] under the mean torque T_m: theta, w, position at its end, the mean speed, friction."""
+    T_L = load_torque * x[at.PER_RATIO]
+    w_new, T_f = mechanics.rotor(
+        w, T_m, T_L, x[at.STATIC], x[at.COULOMB], x[at.LOSS_OPPOSING], x[at.LOSS_AIDING], v[at.C], v[at.J], h
     )
-
-
-@kernel
-def move(of, theta, w, position, T_m, load_torque, h):
-    """Mechanics (`of` = mechanics_of(v)) over a step h [s] under the mean torque T_m: theta, w, position at its end, the
-    mean speed, friction."""
-    per_G, T_static, T_coulomb, loss_opposing, loss_aiding, C, J, half_play, theta_max = of
-    T_L = load_torque * per_G
-    w_new, T_f = mechanics.rotor(w, T_m, T_L, T_static, T_coulomb, loss_opposing, loss_aiding, C, J, h)
     w_mean = 0.5 * (w + w_new)
-    theta_new, w_new = mechanics.end_stop(theta + h * w_mean, w_new, theta_max)
-    return theta_new, w_new, mechanics.play(position, theta_new * per_G, half_play), w_mean, T_f
+    theta_new, w_new = mechanics.end_stop(theta + h * w_mean, w_new, x[at.THETA_MAX])
+    return theta_new, w_new, mechanics.play(position, theta_new * x[at.PER_RATIO], x[at.HALF_PLAY]), w_mean, T_f
 
 
 @kernel
@@ -127,7 +127,8 @@ def store(
     q, supply, loss: quadrature current [A], supply current [A] and copper loss [W], mean over the step.
     """
     o = at.OWN
-    x[to + at.I_FILTERED] = monitor.low_pass(x[o + at.I_FILTERED], q, h, v[at.TAU])
+    smoothing = x[at.SMOOTHING] if h == x[at.GRID] else h / (v[at.TAU] + 0.5 * h)
+    x[to + at.I_FILTERED] = monitor.low_pass(x[o + at.I_FILTERED], q, smoothing)
     x[to + at.CHARGE] = x[o + at.CHARGE] + h * supply
     x[to + at.LOSS] = x[o + at.LOSS] + h * loss
     x[to + at.XI] = x[o + at.XI]
@@ -151,8 +152,7 @@ def publish(v, x, t):
     s, c, w = x[o + at.SIN], x[o + at.COS], x[o + at.W]
     i_a, i_b, i_c = x[o + at.I_A], x[o + at.I_B], x[o + at.I_C]
     s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
-    z_cos, z_sin = eccentricity(v)
-    K_e = v[at.K_E] * v[at.FAULT_MAGNET]
+    z_cos, z_sin, K_e = x[at.Z_COS], x[at.Z_SIN], x[at.K_HOT]
     k_a = windings.back_emf_coefficient(v[at.FAULT_N_A], K_e, s_a, c_a, z_cos, z_sin)
     k_b = windings.back_emf_coefficient(v[at.FAULT_N_B], K_e, s_b, c_b, z_cos, z_sin)
     k_c = windings.back_emf_coefficient(v[at.FAULT_N_C], K_e, s_c, c_c, z_cos, z_sin)
@@ -173,8 +173,9 @@ def publish(v, x, t):
     v[at.OUT + 12] = windings.torque(k_a, k_b, k_c, i_a, i_b, i_c)
     v[at.OUT + 13] = x[o + at.FRICTION]
     if elapsed > 0.0:
-        v[at.OUT + 14] = (charge - x[at.POINT_CHARGE]) / elapsed
-        v[at.OUT + 15] = (loss - x[at.POINT_LOSS]) / elapsed
+        per_elapsed = 1.0 / elapsed
+        v[at.OUT + 14] = (charge - x[at.POINT_CHARGE]) * per_elapsed
+        v[at.OUT + 15] = (loss - x[at.POINT_LOSS]) * per_elapsed
     v[at.OUT + 16] = 1.0 if x[at.LIMITED] + x[o + at.SATURATED] > 0.0 else 0.0
     v[at.OUT + 17] = x[o + at.XI]
     x[at.POINT] = t

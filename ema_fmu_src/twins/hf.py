@@ -38,7 +38,7 @@ reach 2 without it."""
 @kernel
 def initialize(v, x):
     """Start at time 0; returns a status of layout.STATUS."""
-    return frame.start(v, x)
+    return frame.start(v, x, v[at.PERIOD])
 
 
 @kernel
@@ -115,23 +115,21 @@ def advance(v, x, t):
 
     p = v[at.PAIRS]
     N_a, N_b, N_c = v[at.FAULT_N_A], v[at.FAULT_N_B], v[at.FAULT_N_C]
-    R = v[at.R] * v[at.FAULT_RESISTANCE]
+    R = x[at.R_HOT]
     R_on = v[at.R_ON]
     R_a, R_b, R_c = N_a * R + R_on, N_b * R + R_on, N_c * R + R_on
     L = v[at.L]
     G_a, G_b, G_c = 1.0 / (N_a * N_a * L), 1.0 / (N_b * N_b * L), 1.0 / (N_c * N_c * L)
-    K_e = v[at.K_E] * v[at.FAULT_MAGNET]
-    z_cos, z_sin = frame.eccentricity(v)
+    z_cos, z_sin, K_e = x[at.Z_COS], x[at.Z_SIN], x[at.K_HOT]
     band, dead_time = v[at.HYSTERESIS], v[at.DEAD_TIME]
     off_a, off_b, off_c = v[at.FAULT_OFFSET_A], v[at.FAULT_OFFSET_B], v[at.FAULT_OFFSET_C]
     open_a = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 0)
     open_b = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 1)
     open_c = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 2)
     per_G = windings.per_sum(G_a, G_b, G_c)
-    of = frame.mechanics_of(v)
     tau = v[at.TAU]
     located = v[at.EVENT_LOCATED] != 0.0
-    largest = T_c / int(T_c / v[at.STEP] + 0.999999)
+    largest = x[at.GRID]
     tolerance = clamp(x[at.TOLERANCE], FINEST, COARSEST) if x[at.TOLERANCE] > 0.0 else MARGIN
     margin = tolerance * band if located else 0.0
     close = at.CLOSE * largest
@@ -253,7 +251,7 @@ def advance(v, x, t):
         m_a, m_b, m_c = i_a + 0.5 * h * f_a, i_b + 0.5 * h * f_b, i_c + 0.5 * h * f_c
         T_m = windings.torque(k_a, k_b, k_c, m_a, m_b, m_c)
         load = frame.held_input(v, x, at.LOAD_TORQUE, t - left + 0.5 * h)
-        theta_new, w_new, position, w_mean, friction = frame.move(of, theta, w, position, T_m, load, h)
+        theta_new, w_new, position, w_mean, friction = frame.move(v, x, theta, w, position, T_m, load, h)
         d_a, d_b, d_c = v_a - R_a * m_a - k_a * w_mean, v_b - R_b * m_b - k_b * w_mean, v_c - R_c * m_c - k_c * w_mean
         v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c, per_g)
         new_a, new_b, new_c = i_a + h * g_a * (d_a - v_n), i_b + h * g_b * (d_b - v_n), i_c + h * g_c * (d_c - v_n)
@@ -272,7 +270,7 @@ def advance(v, x, t):
         loss += h * R * (N_a * _square(i_a, new_a) + N_b * _square(i_b, new_b) + N_c * _square(i_c, new_c))
         m_a, m_b, m_c = _mean(i_a, m_a, new_a), _mean(i_b, m_b, new_b), _mean(i_c, m_c, new_c)
         q = monitor.quadrature_current(m_a, m_b, m_c, s_m, c_m)
-        filtered = monitor.low_pass(filtered, q, h, tau)
+        filtered = monitor.low_pass(filtered, q, h / (tau + 0.5 * h))
         charge += 0.5 * h * (rail_a * m_a + rail_b * m_b + rail_c * m_c)
         s, c = rotate(s, c, p * (theta_new - theta))
         theta, w = theta_new, w_new

@@ -22,6 +22,15 @@ POINT_LOSS = 13
 LIMITED = 14  # 1: voltage-limited at some time since the last communication point
 TOLERANCE = 15  # written by the host after initialize: relative tolerance of the experiment; 0: none given
 
+# --- x: what follows from the parameters, taken at the start and after each change (saves ELF and LF 5 % of their time)
+PER_RATIO, STATIC, COULOMB = 16, 17, 18  # 1/G; limits of dry friction [N.m]
+LOSS_OPPOSING, LOSS_AIDING = 19, 20  # 1/eta - 1, 1 - eta
+HALF_PLAY, THETA_MAX = 21, 22  # half of the play [rad]; the rotor's stop [rad]
+Z_COS, Z_SIN = 23, 24  # p*zeta*(cos, sin)(phi)
+K_HOT, R_HOT = 25, 26  # K_e and R with their faults
+GRID, PER_PERIOD = 27, 28  # the twin's own step [s], and how many make a controller period
+SMOOTHING = 29  # of the filtered current over a whole step: h/(tau + h/2)
+
 # --- x: two frames of the same shape --------------------------------------------------------------------------------
 THETA, W, POSITION, SIN, COS = 0, 1, 2, 3, 4  # rotor angle and speed, user shaft; sine and cosine of theta_e
 I_A, I_B, I_C, I_REF, XI, I_FILTERED = 5, 6, 7, 8, 9, 10
@@ -32,7 +41,7 @@ REST_A, REST_B, REST_C = 20, 21, 22  # HF: rest of each leg's dead time [s]
 CLOSING_A, CLOSING_B, CLOSING_C = 23, 24, 25  # HF: speed of each leg's error towards the band in the last step [A/s]
 FRAME_SIZE = 26
 
-OWN = 16
+OWN = 30
 """Frame at the end of the last whole step of the twin's own."""
 AT_POINT = OWN + FRAME_SIZE
 """Frame at the communication point, when that lies within a step."""

@@ -22,15 +22,15 @@ from . import frame
 from . import layout as at
 
 N_STATES = at.N_STATES
-TAU_CURRENT = 1e-4
-"""Time constant of the current loop [s] (ours: the controller's default period)."""
+PER_TAU = 1.0 / 1e-4
+"""Of the current loop's time constant tau [1/s] (ours: the controller's default period)."""
 INV_SQRT3 = 1.0 / math.sqrt(3.0)
 
 
 @kernel
 def initialize(v, x):
     """Start at time 0; returns a status of layout.STATUS."""
-    return frame.start(v, x)
+    return frame.start(v, x, v[at.STEP])
 
 
 @kernel
@@ -49,26 +49,26 @@ def _step(v, x, to, t, h):
     s, c = sincos(p * (theta + half))
     s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
     N_a, N_b, N_c = v[at.FAULT_N_A], v[at.FAULT_N_B], v[at.FAULT_N_C]
-    z_cos, z_sin = frame.eccentricity(v)
+    z_cos, z_sin = x[at.Z_COS], x[at.Z_SIN]
     f = (
         equivalent.shape(N_a, s_a, c_a, z_cos, z_sin)
         + equivalent.shape(N_b, s_b, c_b, z_cos, z_sin)
         + equivalent.shape(N_c, s_c, c_c, z_cos, z_sin)
     )
-    R_copper = equivalent.resistance(v[at.R] * v[at.FAULT_RESISTANCE], N_a, N_b, N_c, s_a, s_b, s_c)
+    R_copper = equivalent.resistance(x[at.R_HOT], N_a, N_b, N_c, s_a, s_b, s_c)
     R_eq = R_copper + v[at.R_ON]
-    K_f = v[at.K_E] * v[at.FAULT_MAGNET] * f
+    K_f = x[at.K_HOT] * f
 
     e = K_f * w
     L = v[at.L]
-    target = i + (I_ref - i) * min(1.0, h / TAU_CURRENT)
+    target = i + (I_ref - i) * min(1.0, h * PER_TAU)
     need = R_eq * 0.5 * (i + target) + e + (L / h) * (target - i)
     voltage = clamp(need, -V_dc * INV_SQRT3, V_dc * INV_SQRT3)
     new = i + h * (voltage - e - R_eq * i) / (L + 0.5 * h * R_eq)
     mean = 0.5 * (i + new)
 
     load = frame.held_input(v, x, at.LOAD_TORQUE, t + 0.5 * h)
-    theta, w, position, _, T_f = frame.move(frame.mechanics_of(v), theta, w, position, 1.5 * K_f * mean, load, h)
+    theta, w, position, _, T_f = frame.move(v, x, theta, w, position, 1.5 * K_f * mean, load, h)
     s, c = rotate(s, c, p * (theta - x[o + at.THETA] - half))
     s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
 
@@ -83,7 +83,7 @@ def _step(v, x, to, t, h):
 @kernel
 def advance(v, x, t):
     """Run to time `t` [s] since the start; returns a status of layout.STATUS."""
-    grid = v[at.STEP]
+    grid = x[at.GRID]
     status = frame.take_in(v, x, grid)
     if status != at.OK:
         return status

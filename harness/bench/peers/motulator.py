@@ -9,7 +9,7 @@ SIMULATED = 0.05  # s
 
 
 def run(carrier: float) -> float:
-    """Up to 100 rad/s with a carrier of `carrier` [Hz], sampled twice a period; returns the wall time per simulated second."""
+    """Up to 100 rad/s, `carrier` [Hz] sampled twice a period; returns the wall time per simulated second."""
     from motulator.drive import model
     from motulator.drive.control import sm
 

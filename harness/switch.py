@@ -1,0 +1,132 @@
+"""Swapping fidelities in mid-run: the digital twin's zoom.
+
+A flight of legs: each leg's twin starts where the last one's stands, by the parameters `initial.*`: rotor angle and speed,
+user shaft, phase currents, current reference, filtered current, the controller's integral. Each counts its controller's
+ticks from its own start, so a switch at a whole multiple of the period keeps the sampling in step. LF keeps no integral:
+the twin after it gets the current that LF commands beyond the proportional part, so that the reference does not jump.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from ema_fmu_src import ports
+from harness.errors import HarnessError
+from harness.fidelity import Fidelity, parse_fidelities
+from harness.trials import Trial
+from harness.twin import Twin
+
+STATE = {
+    "initial.motor_position": "motor_position",
+    "initial.motor_speed": "motor_speed",
+    "initial.position": "position",
+    "initial.phase_current_a": "phase_current_a",
+    "initial.phase_current_b": "phase_current_b",
+    "initial.reference_current": "reference_current",
+    "initial.current_filtered": "equivalent_current_filtered",
+}
+"""The parameter of the next twin, and the output of the last one that it takes; the integral comes besides."""
+WATCHED = ("position", "motor_speed", "equivalent_current_filtered")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Fidelities in order, and the times [s] at which each but the first takes over."""
+
+    fidelities: tuple[Fidelity, ...]
+    times: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        """Such as ELF+:HF@1.2."""
+        parts = [self.fidelities[0].name]
+        parts += [f"{one.name}@{time:g}" for one, time in zip(self.fidelities[1:], self.times, strict=True)]
+        return ":".join(parts)
+
+
+@dataclass(frozen=True)
+class Jump:
+    """What changed at a switch: at time `at` [s] from one fidelity to another, each variable of WATCHED in its unit."""
+
+    at: float
+    before: str
+    after: str
+    values: dict[str, float]
+
+
+def parse_switch(text: str) -> Plan:
+    """A plan from text such as ELF+:HF@1.2 or HF:ELF+@0.6:HF@1.4; HarnessError for another text."""
+    first, *rest = text.split(":")
+    wanted = f"--switch {text}: FIDELITY:FIDELITY@SECONDS is needed, such as ELF+:HF@1.2"
+    if not rest or "@" in first:
+        raise HarnessError(wanted)
+    names, times = [first], []
+    for part in rest:
+        match = re.fullmatch(r"(.+)@([0-9.eE+-]+)", part)
+        if not match:
+            raise HarnessError(wanted)
+        try:
+            times.append(float(match[2]))
+        except ValueError:
+            raise HarnessError(wanted) from None
+        names.append(match[1])
+    if times != sorted(set(times)) or times[0] <= 0.0:
+        raise HarnessError(f"--switch {text}: the times must increase from above 0 s")
+    return Plan(tuple(parse_fidelities(name)[0] for name in names), tuple(times))
+
+
+def fly(
+    plan: Plan,
+    trial: Trial,
+    *,
+    fmus: Path,
+    parameters: Mapping[str, float],
+    on_progress: Callable[[int], None] | None = None,
+) -> tuple[xr.Dataset, list[Jump]]:
+    """Fly `trial` with one fidelity after another; the joined run, and what jumped at each switch.
+
+    HarnessError if a time of the plan lies outside the trial, or if a twin refuses something.
+    """
+    places = [round((time - trial.start) / trial.step) for time in plan.times]
+    if places[-1] >= len(trial.time) - 1:
+        raise HarnessError(f"--switch {plan.name}: {trial.name} ends at {trial.time[-1]:g} s, before the last switch")
+    bounds = [0, *places, len(trial.time) - 1]
+    legs: list[xr.Dataset] = []
+    jumps: list[Jump] = []
+    state: dict[str, float] = {}
+    for fidelity, first, last in zip(plan.fidelities, bounds[:-1], bounds[1:], strict=True):
+        with Twin(fmus / fidelity.fmu) as twin:
+            settings = {**parameters, **fidelity.parameters, **state}
+            leg = twin.run(_part(trial, first, last), settings, on_progress=on_progress)
+            integral = twin.read("controller.integral")
+        if legs:
+            values = {name: float(leg[name][0]) - float(legs[-1][name][-1]) for name in WATCHED}
+            jumps.append(Jump(float(leg.time[0]), legs[-1].attrs["fidelity"], fidelity.name, values))
+        leg.attrs["fidelity"] = fidelity.name
+        legs.append(leg)
+        state = {parameter: float(leg[output][-1]) for parameter, output in STATE.items()}
+        state["initial.integral"] = _integral_after_lf(leg, parameters) if fidelity.name == "LF" else integral
+    parts = [*(leg.isel(time=slice(None, -1)) for leg in legs[:-1]), legs[-1]]
+    joined = xr.concat(parts, dim="time", combine_attrs="override")
+    joined = joined.assign_coords(time=("time", trial.time, {"units": "s"}))
+    walls = [float(leg.attrs["wall_s"]) for leg in legs]
+    joined.attrs |= {"fidelity": plan.name, "wall_s": sum(walls), "simulated_s": float(trial.time[-1] - trial.time[0])}
+    return joined, jumps
+
+
+def _part(trial: Trial, first: int, last: int) -> Trial:
+    inputs = {name: values[first : last + 1] for name, values in trial.inputs.items()}
+    return replace(trial, start=trial.start + first * trial.step, inputs=inputs)
+
+
+def _integral_after_lf(leg: xr.Dataset, parameters: Mapping[str, float]) -> float:
+    """What the integral [A] of the next twin must be for its current reference to go on from LF's."""
+    value = {variable.name: parameters.get(variable.name, variable.start) for variable in ports.PARAMETERS}
+    gain = value["fault.gain"] * value["controller.K_pos"] * value["gear.ratio"]
+    limit = value["controller.speed_limit"]
+    w_ref = float(np.clip(gain * float(leg.command[-1] - leg.position[-1]), -limit, limit))
+    return float(leg.reference_current[-1]) - value["controller.K_p"] * (w_ref - float(leg.motor_speed[-1]))
