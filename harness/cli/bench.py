@@ -143,6 +143,7 @@ def _check_table(checks: "list[Check]") -> "Table":
 
 def _print(table: "Table") -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table as Shown
 
     caption, heads, rows = table
@@ -152,5 +153,5 @@ def _print(table: "Table") -> None:
     for head in heads:
         shown.add_column(head)
     for row in rows:
-        shown.add_row(*row)
+        shown.add_row(*map(escape, row))
     Console().print(shown)
