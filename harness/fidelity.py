@@ -15,11 +15,6 @@ class Fidelity:
     fmu: str
     parameters: dict[str, float] = field(default_factory=dict)
 
-    @property
-    def file_stem(self) -> str:
-        """The name as part of a file's name."""
-        return self.name.replace("+", "plus")
-
 
 FIDELITIES = {
     "HF": Fidelity("HF", "EMA_HF.fmu"),
@@ -29,6 +24,11 @@ FIDELITIES = {
 }
 FMU_DIR = Path(__file__).resolve().parent.parent / "fmus"
 """Where `ema build` puts the FMUs and `ema run` looks for them."""
+
+
+def file_stem(name: str) -> str:
+    """The name of a fidelity, or of a plan of several, as part of a file's name."""
+    return name.replace("+", "plus").replace(":", "_").replace("@", "_at_")
 
 
 def parse_fidelities(text: str) -> list[Fidelity]:

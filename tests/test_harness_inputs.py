@@ -7,7 +7,7 @@ import pytest
 
 from ema_fmu_src import ports
 from harness.errors import HarnessError
-from harness.fidelity import FIDELITIES, parse_fidelities, parse_settings
+from harness.fidelity import FIDELITIES, file_stem, parse_fidelities, parse_settings
 from harness.trials import BUILT_IN, PAPER, STEP, read_trial, trial
 
 
@@ -108,7 +108,7 @@ def test_unreadable_csv(tmp_path: Path) -> None:
 def test_fidelities_keep_their_order_and_appear_once() -> None:
     assert [item.name for item in parse_fidelities("LF, HF,ELF+,LF")] == ["LF", "HF", "ELF+"]
     assert FIDELITIES["ELF+"].fmu == FIDELITIES["ELF"].fmu
-    assert FIDELITIES["ELF+"].file_stem == "ELFplus"
+    assert file_stem("ELF+") == "ELFplus" and file_stem("ELF+:HF@1.2") == "ELFplus_HF_at_1.2"
 
 
 @pytest.mark.parametrize(("text", "message"), [("HF,EFL", "'EFL': did you mean ELF"), ("", "no fidelity"), (",", "no")])

@@ -1,11 +1,13 @@
 """Swapping fidelities in mid-run."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness import switch
+from harness.cli import main
 from harness.compare import compare
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
@@ -52,3 +54,17 @@ def test_bad_plans_are_refused(text: str) -> None:
 def test_a_switch_after_the_end_is_refused(fmus: dict[str, Path]) -> None:
     with pytest.raises(HarnessError, match=r"SIN ends at 2\.5 s"):
         switch.fly(switch.parse_switch("HF:LF@3"), trial("SIN"), fmus=fmus["HF"].parent, parameters={})
+
+
+def test_the_command_line_flies_a_plan_and_prints_the_jump(
+    fmus: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["run", "SIN", "--fidelity", "LF", "--reference", "ELF+", "--switch", "LF:ELF+@0.5"]
+    folder = str(fmus["HF"].parent)
+    monkeypatch.setattr(sys, "argv", ["ema", *arguments, "--fmus", folder, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    told = capsys.readouterr().out
+    assert "SIN: LF to ELF+ at 0.5 s jumps by position" in told
+    assert (tmp_path / "SIN_LF_ELFplus_at_0.5.csv").is_file()

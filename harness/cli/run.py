@@ -14,6 +14,7 @@ from harness.errors import HarnessError
 if TYPE_CHECKING:
     from harness.experiment import Experiment
     from harness.fidelity import Fidelity
+    from harness.switch import Plan
     from harness.trials import Trial
 
 
@@ -23,13 +24,22 @@ def run(
     trial_file: TrialFile = None,
     settings: Settings = None,
     reference: Annotated[str, typer.Option(metavar="FIDELITY", help="What the others are compared with.")] = "HF",
+    switches: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--switch",
+            metavar="PLAN",
+            help="Also one fidelity after another, such as ELF+:HF@1.2; may be given several times.",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trajectories and page.")] = Path("results"),
     json_file: JsonFile = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fly trials with all fidelities, compare them, write trajectories (CSV) and a page (HTML)."""
     from harness import report, results
-    from harness.fidelity import FIDELITIES, FMU_DIR, parse_fidelities, parse_settings
+    from harness.fidelity import FIDELITIES, FMU_DIR, file_stem, parse_fidelities, parse_settings
+    from harness.switch import parse_switch
 
     flown = chosen_trials(trials, trial_file)
     wanted = parse_fidelities(fidelity)
@@ -37,21 +47,26 @@ def run(
     if len(referred) != 1:
         raise HarnessError(f"--reference {reference}: one fidelity is needed, of {', '.join(FIDELITIES)}")
     parameters = parse_settings(settings or [])
+    plans = [parse_switch(text) for text in switches or []]
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
     folder = fmus or FMU_DIR
-    build_missing([*wanted, *referred], folder, own=fmus is None)
+    zoomed = [fidelity for plan in plans for fidelity in plan.fidelities]
+    build_missing([*wanted, *referred, *zoomed], folder, own=fmus is None)
 
     experiment = _fly(flown, wanted, referred[0], folder, parameters)
+    jumps = _switch(experiment, plans, flown, folder, parameters)
     for (trial, name), dataset in experiment.runs.items():
-        results.write(out / f"{trial}_{FIDELITIES[name].file_stem}.csv", results.trajectory_csv(dataset))
+        results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
     command = shlex.join(["ema", *sys.argv[1:]])
     results.write(out / "report.html", report.page(experiment, parameters=parameters, command=command))
     if json_file:
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
         results.write(json_file, results.as_json(entries, experiment.comparisons))
     _print_table(experiment)
+    for jump in jumps:
+        typer.echo(jump)
     typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
 
 
@@ -87,6 +102,26 @@ def _fly(
             on_run=lambda trial, name: progress.update(task, description=f"{trial} {name}"),
             on_progress=advance,
         )
+
+
+def _switch(
+    experiment: "Experiment", plans: "list[Plan]", trials: "list[Trial]", folder: Path, parameters: dict[str, float]
+) -> list[str]:
+    """Fly the plans and add them to the experiment; a line for each switch."""
+    from harness.compare import compare
+    from harness.switch import fly
+
+    lines = []
+    for plan in plans:
+        for trial in trials:
+            run, jumps = fly(plan, trial, fmus=folder, parameters=parameters)
+            reference = experiment.runs[trial.name, experiment.reference]
+            experiment.runs[trial.name, plan.name] = run
+            experiment.comparisons.extend(compare(run, reference, names=(plan.name, experiment.reference)))
+            for jump in jumps:
+                values = ", ".join(f"{name} {value:+.3g}" for name, value in jump.values.items())
+                lines.append(f"{trial.name}: {jump.before} to {jump.after} at {jump.at:g} s jumps by {values}")
+    return lines
 
 
 def _print_table(experiment: "Experiment") -> None:
