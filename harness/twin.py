@@ -45,12 +45,15 @@ class Twin:
             raise
 
     def _instantiate(self) -> Any:
-        slave = FMU2Slave(
-            guid=self.description.guid,
-            unzipDirectory=str(self._folder),
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
-            instanceName=self.path.stem,
-        )
+        try:
+            slave = FMU2Slave(
+                guid=self.description.guid,
+                unzipDirectory=str(self._folder),
+                modelIdentifier=self.description.coSimulation.modelIdentifier,
+                instanceName=self.path.stem,
+            )
+        except Exception as error:  # noqa: BLE001 - FMPy lets through whatever the loader raises
+            raise HarnessError(f"{self.path}: its library cannot be loaded: {error}") from None
 
         def collect(environment: Any, instance: bytes, status: int, category: bytes, message: bytes, *_: Any) -> None:
             if status > 0 and message:

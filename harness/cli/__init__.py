@@ -6,6 +6,7 @@ import typer
 
 from harness.cli.bench import bench
 from harness.cli.build import build
+from harness.cli.check import check
 from harness.cli.compare import compare
 from harness.cli.export import export
 from harness.cli.ports import ports
@@ -17,7 +18,7 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, compare, bench, export, reference, ports):
+for command in (build, run, check, compare, bench, export, reference, ports):
     app.command()(command)
 
 

@@ -1,0 +1,58 @@
+"""`ema check`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harness.cli.build import build_missing
+from harness.cli.options import FmuDir, Settings
+from harness.errors import HarnessError
+
+OUTSIDE = 1
+"""Exit code if a budget is exceeded; 2 is that of bad input."""
+
+
+def check(
+    fmus: FmuDir = None,
+    budgets: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Budgets of your own.")] = None,
+    reference: Annotated[Path | None, typer.Option(metavar="FILE.fmu", help="Instead of EMA_HF.fmu in the folder.")] = None,
+    stored: Annotated[Path | None, typer.Option(metavar="DIR", help="Compare with TRIAL_HF.csv in DIR.")] = None,
+    settings: Settings = None,
+    time_limit: Annotated[float, typer.Option(metavar="S", help="For one run of an FMU, which is then ended.")] = 60.0,
+    junit: Annotated[Path | None, typer.Option(metavar="FILE.xml", help="JUnit XML for a CI server.")] = None,
+    markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="A summary; appended to, if it is there.")] = None,
+) -> None:
+    """Check every fidelity against its budget of the reference; exit code 0 within, 1 outside, 2 could not run."""
+    from harness import check as checking
+    from harness import results
+    from harness.fidelity import FIDELITIES, FMU_DIR, parse_settings
+
+    allowed = checking.read_budgets(budgets or checking.DEFAULT)
+    parameters = parse_settings(settings or [])
+    if not time_limit > 0.0:
+        raise HarnessError(f"--time-limit {time_limit:g}: more than 0 s is needed")
+    if reference and stored:
+        raise HarnessError("--reference and --stored: one of the two can be the reference")
+    for path in (junit, markdown):
+        if path:
+            results.prepare_file(path)
+    folder = fmus or FMU_DIR
+    wanted = {"HF", *(fidelity for fidelities in allowed.values() for fidelity in fidelities)}
+    if fmus is None:
+        build_missing([FIDELITIES[name] for name in sorted(wanted)], folder, own=True)
+    verdicts = checking.check(
+        allowed, fmus=folder, reference=reference, stored=stored, parameters=parameters, time_limit=time_limit
+    )
+    if junit:
+        results.write(junit, checking.junit(verdicts))
+    if markdown:
+        before = markdown.read_text(encoding="utf-8") if markdown.exists() else ""
+        results.write(markdown, before + checking.markdown(verdicts))
+    outside = [verdict for verdict in verdicts if not verdict.passed]
+    for line in dict.fromkeys(verdict.line for verdict in outside):
+        typer.echo(line)
+    typer.echo(f"{len(verdicts) - len(outside)} of {len(verdicts)} budgets kept")
+    if outside:
+        sys.exit(OUTSIDE)

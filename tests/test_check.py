@@ -1,0 +1,174 @@
+"""`ema check`: budgets kept and exceeded, a regression caught, FMUs that crash, hang or lie contained."""
+
+import multiprocessing
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fmpy
+import pytest
+
+from ema_fmu_src.fmu import source
+from harness import check
+from harness.cli import main
+from harness.errors import HarnessError
+
+BAD = Path(__file__).parent / "c" / "bad.c"
+ONE = '[SIN.LF]\nposition = 5e-4\n[SIN."ELF+"]\nposition = 5e-5\n'
+
+
+def ema(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["ema", "check", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture
+def budgets(tmp_path: Path) -> str:
+    path = tmp_path / "budgets.toml"
+    path.write_text(ONE)
+    return str(path)
+
+
+@pytest.fixture
+def folder(fmus: dict[str, Path], tmp_path: Path) -> Path:
+    """A folder of FMUs that a test may change."""
+    copies = tmp_path / "fmus"
+    copies.mkdir()
+    for path in fmus.values():
+        shutil.copy(path, copies)
+    return copies
+
+
+def test_the_shipped_budgets_are_kept(
+    fmus: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    junit, summary = tmp_path / "check.xml", tmp_path / "check.md"
+    summary.write_text("before\n")
+    files = ["--junit", str(junit), "--markdown", str(summary)]
+    assert ema(monkeypatch, "--fmus", str(fmus["HF"].parent), *files) == 0
+    count = sum(len(variables) for fidelities in check.read_budgets().values() for variables in fidelities.values())
+    assert f"{count} of {count} budgets kept" in capsys.readouterr().out
+    suite = ElementTree.parse(junit).getroot()
+    assert (suite.get("tests"), suite.get("failures"), len(suite)) == (str(count), "0", count)
+    assert summary.read_text().startswith("before\n") and f"All {count} budgets kept" in summary.read_text()
+    assert not multiprocessing.active_children()
+
+
+def test_a_k_e_that_is_5_percent_wrong_is_caught(
+    folder: Path, budgets: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """EMA_LF.fmu built from sources in which motor.K_e starts at 0.0525 V.s/rad."""
+    copy = tmp_path / "sources" / "ema_fmu_src"
+    shutil.copytree(source.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    text = (copy / "ports.py").read_text()
+    assert text.count('"motor.K_e", "V.s/rad", 0.05,') == 1
+    (copy / "ports.py").write_text(text.replace('"motor.K_e", "V.s/rad", 0.05,', '"motor.K_e", "V.s/rad", 0.0525,'))
+    script = (
+        "import sys; from pathlib import Path; from ema_fmu_src.fmu.build import build; build(['LF'], out=Path(sys.argv[1]))"
+    )
+    environment = os.environ | {"PYTHONPATH": str(copy.parent)}
+    subprocess.run([sys.executable, "-c", script, str(folder)], check=True, cwd=tmp_path, env=environment)
+    strict = tmp_path / "strict.toml"
+    strict.write_text("[SIN.LF]\nposition = 5e-4\nequivalent_current_filtered = 0.005\n")
+    assert ema(monkeypatch, "--fmus", str(folder), "--budgets", str(strict), "--junit", str(tmp_path / "c.xml")) == 1
+    told = capsys.readouterr().out
+    assert "SIN LF equivalent_current_filtered: " in told and "budget 0.5000 %" in told
+    assert int(ElementTree.parse(tmp_path / "c.xml").getroot().get("failures") or 0) >= 1
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory):
+    """Compiles the FMU that misbehaves in one way."""
+    folder = tmp_path_factory.mktemp("bad")
+    headers = str(Path(fmpy.__file__).parent / "c-code")
+
+    def compiled(way: str) -> Path:
+        path = folder / f"{way}.so"
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-linux-gnu.2.17", "-shared", "-fPIC", "-O1"]
+        if not path.exists():
+            subprocess.run([*command, f"-D{way}", "-I", headers, str(BAD), "-o", str(path)], check=True)
+        return path
+
+    return compiled
+
+
+@pytest.mark.parametrize(
+    "way, told",
+    [
+        ("CRASH", "crashed (SIGABRT)"),
+        ("HANG", "has not finished within 4 s"),
+        ("FATAL", "fmi2DoStep at 0.1 s returned fmi2Fatal"),
+        ("MISSING", "its library cannot be loaded"),
+        ("LIE", "its position is no finite number at 0.1001 s"),
+    ],
+)
+def test_an_fmu_that_misbehaves_is_reported_and_the_rest_goes_on(
+    folder: Path,
+    budgets: str,
+    library,
+    way: str,
+    told: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """EMA_LF.fmu with a library that crashes, hangs, gives up or lies; ELF+ is checked all the same."""
+    with zipfile.ZipFile(folder / "EMA_LF.fmu") as old:
+        members = {name: old.read(name) for name in old.namelist()}
+    members["binaries/linux64/EMA_LF.so"] = library(way).read_bytes()
+    with zipfile.ZipFile(folder / "EMA_LF.fmu", "w") as new:
+        for name, content in members.items():
+            new.writestr(name, content)
+    assert ema(monkeypatch, "--fmus", str(folder), "--budgets", budgets, "--time-limit", "4") == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("SIN LF: ") and told in lines[0]
+    assert lines[1] == "1 of 2 budgets kept"
+    assert not multiprocessing.active_children()
+
+
+def test_stored_results_can_be_the_reference(
+    fmus: dict[str, Path], budgets: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    everything = str(fmus["HF"].parent)
+    monkeypatch.setattr(sys, "argv", ["ema", "run", "SIN", "--fidelity", "HF", "--fmus", everything, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit):
+        main()
+    assert ema(monkeypatch, "--fmus", everything, "--budgets", budgets, "--stored", str(tmp_path)) == 0
+    assert ema(monkeypatch, "--fmus", everything, "--budgets", budgets, "--stored", str(tmp_path / "none")) == 2
+    assert "no stored results of SIN" in capsys.readouterr().err
+
+
+def test_a_reference_that_cannot_be_flown_is_exit_code_2(
+    folder: Path, budgets: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "EMA_HF.fmu").write_bytes(b"no archive")
+    assert ema(monkeypatch, "--fmus", str(folder), "--budgets", budgets) == 2
+    assert "EMA_HF.fmu" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "text, told",
+    [
+        ("", "no budgets"),
+        ("[SIN", "is no TOML"),
+        ("[SIM.LF]\nposition = 1", r"\[SIM\]: no such trial"),
+        ("[SIN.MF]\nposition = 1", r"\[SIN.MF\]: no such fidelity"),
+        ("[SIN.LF]\nangle = 1", r"\[SIN.LF\] angle: no such output"),
+        ("[SIN.LF]\nposition = -1", "position = -1: a number from 0 on"),
+        ("[SIN.LF]\nposition = true", "position = True: a number from 0 on"),
+        ("SIN = 3", "SIN: a table of fidelities"),
+        ("[SIN]\nLF = 3", "LF: a table of variables"),
+        ("[SIM.LF]\nangle = 1\n[SIN.MF]\nposition = 1", "SIM.*angle.*MF"),
+    ],
+)
+def test_mistakes_in_budgets_are_all_named(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "b.toml"
+    path.write_text(text)
+    with pytest.raises(HarnessError, match=told):
+        check.read_budgets(path)
