@@ -58,7 +58,7 @@ def _fmi_version(path: Path) -> str:
 
 
 def describe(path: Path) -> Any:
-    """FMPy's model description of the FMU at `path`; HarnessError unless it is FMI 2.0 co-simulation with our ports."""
+    """FMPy's model description of the FMU at `path`; HarnessError unless it is FMI 2.0 co-simulation."""
     if not path.is_file():
         raise HarnessError(f"{path}: no such file; 'ema build' makes the FMUs")
     if not zipfile.is_zipfile(path):
@@ -73,6 +73,11 @@ def describe(path: Path) -> Any:
         raise HarnessError(f"{path}: not an FMU: its modelDescription.xml cannot be read ({reason})") from None
     if description.coSimulation is None:
         raise HarnessError(f"{path}: not a co-simulation FMU, but FMI 2.0 co-simulation is needed")
+    return description
+
+
+def require_ports(path: Path, description: Any) -> None:
+    """HarnessError unless the FMU at `path` has the ports of the twins."""
     found = {variable.name: variable for variable in description.modelVariables}
     wrong = [
         port.name
@@ -81,4 +86,3 @@ def describe(path: Path) -> Any:
     ]
     if wrong:
         raise HarnessError(f"{path}: not an EMA twin, these ports are missing or of another kind: {', '.join(wrong)}")
-    return description

@@ -80,19 +80,19 @@ def _call(context: Any, builder: Any, signature: Any, values: Any) -> Any:
 
 
 @intrinsic
-def _values(typing_context, address, component, references, n, values):  # type: ignore[no-untyped-def]
+def call_values(typing_context, address, component, references, n, values):  # type: ignore[no-untyped-def]
     """fmi2Set<Type> and fmi2Get<Type>(component, references, n, values)."""
     return types.int32(types.intp, types.intp, types.intp, types.intp, types.intp), _call
 
 
 @intrinsic
-def _slopes(typing_context, address, component, references, n, orders, values):  # type: ignore[no-untyped-def]
+def call_slopes(typing_context, address, component, references, n, orders, values):  # type: ignore[no-untyped-def]
     """fmi2SetRealInputDerivatives(component, references, n, orders, values)."""
     return types.int32(types.intp, types.intp, types.intp, types.intp, types.intp, types.intp), _call
 
 
 @intrinsic
-def _step(typing_context, address, component, time, size, no_set_state_prior):  # type: ignore[no-untyped-def]
+def call_step(typing_context, address, component, time, size, no_set_state_prior):  # type: ignore[no-untyped-def]
     """fmi2DoStep(component, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint)."""
     return types.int32(types.intp, types.intp, types.float64, types.float64, types.int32), _call
 
@@ -105,7 +105,7 @@ def _set_others(calls, component, n, places, row, wholes, whole_data):  # type: 
             first = n[0] + (n[1] if kind == 2 else 0)
             for i in range(n[kind]):
                 wholes[i] = int(row[first + i])
-            status = _values(calls[call], component, places[kind], n[kind], whole_data)
+            status = call_values(calls[call], component, places[kind], n[kind], whole_data)
             if status > WARNING:
                 return call, status
     return 0, 0
@@ -116,7 +116,7 @@ def _get_others(calls, component, n, places, row, wholes, whole_data):  # type: 
     """Integer and Boolean outputs into `row`; place in CALLS and status of a bad call, or 0, 0."""
     for kind, call in ((1, GET_INTEGER), (2, GET_BOOLEAN)):
         if n[kind]:
-            status = _values(calls[call], component, places[kind], n[kind], whole_data)
+            status = call_values(calls[call], component, places[kind], n[kind], whole_data)
             if status > WARNING:
                 return call, status
             first = n[0] + (n[1] if kind == 2 else 0)
@@ -143,7 +143,7 @@ def _loop(calls, component, start, step, span, given, wanted, places, ramps, tab
         if n >= 0:
             at, end = start + n * step, start + (n + 1) * step
             if given[0]:
-                status = _values(calls[SET_REAL], component, places[0][0], given[0], input_at + n * input_stride)
+                status = call_values(calls[SET_REAL], component, places[0][0], given[0], input_at + n * input_stride)
                 if status > WARNING:
                     return n, SET_REAL, status
             if given[1] + given[2]:
@@ -153,14 +153,14 @@ def _loop(calls, component, start, step, span, given, wanted, places, ramps, tab
             if len(columns):
                 for i in range(len(columns)):
                     slopes[i] = (table[n + 1, columns[i]] - table[n, columns[i]]) / step
-                status = _slopes(calls[SET_SLOPE], component, reference_at, len(columns), order_at, slope_at)
+                status = call_slopes(calls[SET_SLOPE], component, reference_at, len(columns), order_at, slope_at)
                 if status > WARNING:
                     return n, SET_SLOPE, status
-            status = _step(calls[DO_STEP], component, at, end - at, np.int32(1))
+            status = call_step(calls[DO_STEP], component, at, end - at, np.int32(1))
             if status > WARNING:
                 return n, DO_STEP, status
         if wanted[0]:
-            status = _values(calls[GET_REAL], component, places[1][0], wanted[0], output_at + (n + 1) * output_stride)
+            status = call_values(calls[GET_REAL], component, places[1][0], wanted[0], output_at + (n + 1) * output_stride)
             if status > WARNING:
                 return n, GET_REAL, status
         if wanted[1] + wanted[2]:
@@ -189,7 +189,7 @@ def run(
     table = np.ascontiguousarray(stimuli.table, dtype=np.float64)
     n_steps = len(table) - 1
     outputs = np.full((n_steps + 1, len(wanted)), np.nan)  # touched: page faults would cost as much as the FMU
-    calls = tuple(_address(slave, name) for name in CALLS)
+    calls = tuple(entry(slave, name) for name in CALLS)
     component = int(ctypes.cast(slave.component, ctypes.c_void_p).value or 0)
     given, got = stimuli.references.arrays(), wanted.arrays()
     sizes = tuple(tuple(len(part) for part in parts) for parts in (given, got))
@@ -219,7 +219,7 @@ def run(
     return outputs, wall
 
 
-def _address(slave: Any, name: str) -> int:
+def entry(slave: Any, name: str) -> int:
     """Address of a function of the slave's library; 0 if it has none."""
     try:
         return int(ctypes.cast(getattr(slave.dll, name), ctypes.c_void_p).value or 0)

@@ -1,0 +1,134 @@
+"""An open FMU of any make: one instance, reused by reset."""
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import fmpy.fmi2
+from fmpy import supported_platforms
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+
+from harness import archive
+from harness.errors import HarnessError
+
+
+class Component:
+    """An FMI 2.0 co-simulation FMU; a context manager.
+
+    HarnessError if the FMU cannot be opened, or if it refuses a value (with the FMU's own message).
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.description = archive.describe(path)
+        self.fmu_hash = archive.content_hash(path)
+        self.variables = {variable.name: variable for variable in self.description.modelVariables}
+        self._messages: list[str] = []
+        self._folder = Path(tempfile.mkdtemp(prefix="ema_fmu_"))
+        self._slave: Any = None
+        self._begun = False
+        try:
+            archive.unpack(path, self._folder)
+            if fmpy.platform not in supported_platforms(str(path)):
+                raise HarnessError(f"{path}: holds no binary for this platform, {fmpy.platform}")
+            self._slave = self._instantiate()
+        except BaseException:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise
+
+    def _instantiate(self) -> Any:
+        try:
+            slave = FMU2Slave(
+                guid=self.description.guid,
+                unzipDirectory=str(self._folder),
+                modelIdentifier=self.description.coSimulation.modelIdentifier,
+                instanceName=self.path.stem,
+            )
+        except Exception as error:  # noqa: BLE001 - FMPy lets through whatever the loader raises
+            raise HarnessError(f"{self.path}: its library cannot be loaded: {error}") from None
+
+        def collect(environment: Any, instance: bytes, status: int, category: bytes, message: bytes, *_: Any) -> None:
+            if status > 0 and message:
+                self._messages.append(message.decode(errors="replace"))
+
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(collect)
+        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        self._callbacks = callbacks  # the FMU keeps a pointer to them
+        try:
+            slave.instantiate(callbacks=callbacks, loggingOn=True)
+        except Exception as error:  # noqa: BLE001 - FMPy raises plain Exception when the FMU returns no instance
+            raise HarnessError(f"{self.path}: cannot be instantiated: {self.told() or error}") from None
+        return slave
+
+    def told(self) -> str:
+        """What the FMU has logged since the last call, as one line."""
+        text = "; ".join(" ".join(message.split()) for message in dict.fromkeys(self._messages))
+        self._messages.clear()
+        return text
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the instance and its unpacked files; once is enough, more does no harm."""
+        if self._slave is not None:
+            slave, self._slave = self._slave, None
+            try:
+                slave.freeInstance()
+            finally:
+                shutil.rmtree(self._folder, ignore_errors=True)
+
+    def reference(self, name: str, kind: str = "Real") -> int:
+        """Value reference of the variable `name`; HarnessError if there is none, or of another type than `kind`."""
+        variable = self.variables.get(name)
+        if variable is None or variable.type != kind:
+            raise HarnessError(f"{self.path}: has no {kind} variable '{name}'")
+        return int(variable.valueReference)
+
+    def read(self, name: str) -> float:
+        """The value that the Real variable `name` has now."""
+        return float(self._slave.getReal([self.reference(name)])[0])
+
+    def begin(self, parameters: Mapping[str, float], inputs: Mapping[str, float], *, start: float = 0.0) -> Any:
+        """Start anew at the time `start` [s]: FMPy's slave, reset, set and out of initialization mode."""
+        if self._slave is None:
+            raise HarnessError(f"{self.path}: already closed")
+        slave = self._slave
+        self._messages.clear()
+        if self._begun:
+            slave.reset()
+        self._begun = True
+        try:
+            slave.setupExperiment(startTime=start)
+            for name, value in parameters.items():
+                self._set(name, value)
+            slave.enterInitializationMode()
+            for name, value in inputs.items():
+                self._set(name, value)
+            slave.exitInitializationMode()
+        except FMICallException as error:
+            raise HarnessError(f"{self.path.name}: {self.told() or error}") from None
+        if told := self.told():
+            raise HarnessError(f"{self.path.name}: {told}")
+        return slave
+
+    def _set(self, name: str, value: float) -> None:
+        variable = self.variables.get(name)
+        if variable is None:
+            raise HarnessError(f"{self.path}: has no variable '{name}'")
+        reference = [variable.valueReference]
+        if variable.type == "Boolean":
+            self._slave.setBoolean(reference, [bool(value)])
+        elif variable.type == "Integer":
+            self._slave.setInteger(reference, [int(value)])
+        else:
+            self._slave.setReal(reference, [float(value)])
