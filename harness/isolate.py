@@ -2,7 +2,7 @@
 
 import multiprocessing
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
@@ -67,8 +67,14 @@ class Isolated:
                 process.join()
             process.close()
 
-    def run(self, trial: Trial, parameters: Mapping[str, float] | None = None) -> xr.Dataset:
-        """As `Twin.run`."""
+    def run(
+        self,
+        trial: Trial,
+        parameters: Mapping[str, float] | None = None,
+        *,
+        on_progress: Callable[[int], None] | None = None,
+    ) -> xr.Dataset:
+        """As `Twin.run`; `on_progress` is called once, at the end."""
         if self._process is None:
             context = multiprocessing.get_context("spawn")
             self._pipe, other = context.Pipe()
@@ -85,6 +91,8 @@ class Isolated:
                 answer = self._pipe.recv()
                 if isinstance(answer, str):
                     raise HarnessError(answer)
+                if on_progress:
+                    on_progress(len(answer.time) - 1)
                 return answer
         except (EOFError, OSError):
             problem = self._death()

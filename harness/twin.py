@@ -15,6 +15,15 @@ from harness.errors import HarnessError
 from harness.trials import Trial
 
 
+class Interrupted(KeyboardInterrupt):
+    """A run was stopped from the keyboard; `partial` holds what was computed until then, `done` the runs before it."""
+
+    def __init__(self, partial: xr.Dataset) -> None:
+        super().__init__()
+        self.partial = partial
+        self.done: dict[tuple[str, str], xr.Dataset] = {}
+
+
 class Twin(Component):
     """An FMU with the ports of the twins; a context manager.
 
@@ -56,6 +65,8 @@ class Twin(Component):
             )
         except (FMICallException, master.StepFailed) as error:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {self.told() or error}") from None
+        except master.Stopped as stop:
+            raise Interrupted(self._dataset(trial, given, inputs, stop.outputs, 0.0, [*reals, *booleans])) from None
         return self._dataset(trial, given, inputs, values, wall, [*reals, *booleans])
 
     def _references(self, variables: Sequence[ports.Variable]) -> list[int]:
@@ -77,11 +88,12 @@ class Twin(Component):
         wall: float,
         outputs: list[ports.Variable],
     ) -> xr.Dataset:
-        data: dict[str, Any] = {"command": ("time", inputs["command"], {"units": "rad", "long_name": "Commanded position"})}
+        command = inputs["command"][: len(values)]
+        data: dict[str, Any] = {"command": ("time", command, {"units": "rad", "long_name": "Commanded position"})}
         for column, port in enumerate(outputs):
             series = values[:, column].astype(bool) if port.kind == "Boolean" else values[:, column]
             data[port.name] = ("time", series, {"units": port.unit, "long_name": port.description})
-        times = trial.time
+        times = trial.time[: len(values)]
         return xr.Dataset(
             data,
             coords={"time": ("time", times, {"units": "s"})},

@@ -98,6 +98,15 @@ def library(tmp_path_factory: pytest.TempPathFactory):
     return compiled
 
 
+def replace_library(fmu: Path, library: Path) -> None:
+    with zipfile.ZipFile(fmu) as old:
+        members = {name: old.read(name) for name in old.namelist()}
+    members[f"binaries/linux64/{fmu.stem}.so"] = library.read_bytes()
+    with zipfile.ZipFile(fmu, "w") as new:
+        for name, content in members.items():
+            new.writestr(name, content)
+
+
 @pytest.mark.parametrize(
     "way, told",
     [
@@ -118,12 +127,7 @@ def test_an_fmu_that_misbehaves_is_reported_and_the_rest_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """EMA_LF.fmu with a library that crashes, hangs, gives up or lies; ELF+ is checked all the same."""
-    with zipfile.ZipFile(folder / "EMA_LF.fmu") as old:
-        members = {name: old.read(name) for name in old.namelist()}
-    members["binaries/linux64/EMA_LF.so"] = library(way).read_bytes()
-    with zipfile.ZipFile(folder / "EMA_LF.fmu", "w") as new:
-        for name, content in members.items():
-            new.writestr(name, content)
+    replace_library(folder / "EMA_LF.fmu", library(way))
     assert ema(monkeypatch, "--fmus", str(folder), "--budgets", budgets, "--time-limit", "4") == 1
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2
@@ -172,3 +176,18 @@ def test_mistakes_in_budgets_are_all_named(tmp_path: Path, text: str, told: str)
     path.write_text(text)
     with pytest.raises(HarnessError, match=told):
         check.read_budgets(path)
+
+
+def test_run_with_isolation_goes_on_without_the_one_that_crashes(
+    folder: Path, library, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_library(folder / "EMA_LF.fmu", library("CRASH"))
+    arguments = ["run", "SIN", "--fidelity", "LF,ELF", "--reference", "ELF+", "--isolate"]
+    monkeypatch.setattr(sys, "argv", ["ema", *arguments, "--fmus", str(folder), "--out", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    told = capsys.readouterr().out
+    assert "EMA_LF.fmu, trial SIN: crashed (SIGABRT)" in told
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"SIN_ELF.csv", "SIN_ELFplus.csv", "report.html"}
+    assert not multiprocessing.active_children()

@@ -237,4 +237,7 @@ def test_interrupt_is_one_line_and_130(
     assert code == 130
     assert error.strip().splitlines()[-1].startswith("ema: interrupted")
     assert "Traceback" not in told + error
-    assert not list((tmp_path / "out").iterdir())
+    (saved,) = (tmp_path / "out").iterdir()
+    assert saved.name == "SIN_LF.partial.csv"
+    rows = saved.read_text().splitlines()
+    assert rows[0].startswith("time,command,position") and len(rows) == 1 + 1 + master.POINTS_A_NOTICE

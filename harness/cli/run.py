@@ -32,6 +32,7 @@ def run(
             help="Also one fidelity after another, such as ELF+:HF@1.2; may be given several times.",
         ),
     ] = None,
+    isolate: Annotated[bool, typer.Option("--isolate", help="Each FMU in a process of its own.")] = False,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trajectories and page.")] = Path("results"),
     json_file: JsonFile = None,
     fmus: FmuDir = None,
@@ -40,6 +41,7 @@ def run(
     from harness import report, results
     from harness.fidelity import FIDELITIES, FMU_DIR, file_stem, parse_fidelities, parse_settings
     from harness.switch import parse_switch
+    from harness.twin import Interrupted
 
     flown = chosen_trials(trials, trial_file)
     wanted = parse_fidelities(fidelity)
@@ -55,7 +57,15 @@ def run(
     zoomed = [fidelity for plan in plans for fidelity in plan.fidelities]
     build_missing([*wanted, *referred, *zoomed], folder, own=fmus is None)
 
-    experiment = _fly(flown, wanted, referred[0], folder, parameters)
+    try:
+        experiment = _fly(flown, wanted, referred[0], folder, parameters, isolate=isolate)
+    except Interrupted as stop:
+        for (trial, name), dataset in stop.done.items():
+            results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
+        partial = out / f"{stop.partial.attrs['trial']}_{file_stem(stop.partial.attrs['fidelity'])}.partial.csv"
+        results.write(partial, results.trajectory_csv(stop.partial))
+        typer.echo(f"stopped; what was computed is in {partial}", err=True)
+        raise
     jumps = _switch(experiment, plans, flown, folder, parameters)
     for (trial, name), dataset in experiment.runs.items():
         results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
@@ -65,8 +75,8 @@ def run(
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
         results.write(json_file, results.as_json(entries, experiment.comparisons))
     _print_table(experiment)
-    for jump in jumps:
-        typer.echo(jump)
+    for line in [*jumps, *experiment.failures]:
+        typer.echo(line)
     typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
 
 
@@ -76,6 +86,8 @@ def _fly(
     reference: "Fidelity",
     folder: Path,
     parameters: dict[str, float],
+    *,
+    isolate: bool,
 ) -> "Experiment":
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -101,6 +113,7 @@ def _fly(
             parameters=parameters,
             on_run=lambda trial, name: progress.update(task, description=f"{trial} {name}"),
             on_progress=advance,
+            isolate=isolate,
         )
 
 
