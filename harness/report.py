@@ -4,6 +4,7 @@ import html
 import platform
 from collections.abc import Mapping
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -39,24 +40,38 @@ th,td{padding:.3rem .7rem;border-bottom:1px solid var(--line);text-align:right;w
 th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}thead th{color:var(--soft);font-weight:600}
 caption{text-align:left;color:var(--soft);padding-bottom:.4rem}
 code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-x:auto}pre{padding:.7rem}
-.figure{height:46rem}.figure>div{height:100%}.note{color:var(--soft)}
+.figure{height:62rem}.figure.low{height:26rem}.figure>div{height:100%}.note{color:var(--soft)}
+.verdict{padding:.6rem .9rem;border-radius:6px;font-weight:600}
+.ok{background:rgba(22,147,91,.18)}.near{background:rgba(214,150,31,.25)}.over{background:rgba(214,50,31,.25)}
+td small{color:var(--soft)}
 """
 
+LAYOUT: dict[str, Any] = {
+    "paper_bgcolor": "rgba(0,0,0,0)",
+    "plot_bgcolor": "rgba(0,0,0,0)",
+    "margin": {"l": 70, "r": 20, "t": 90, "b": 50},
+    "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
+    "modebar": {"bgcolor": "rgba(0,0,0,0)"},
+}
 CONFIG = {"responsive": True, "displaylogo": False}
 
 THEME = """
 const dark=window.matchMedia('(prefers-color-scheme: dark)');
 function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',
 panel=dark.matches?'#1d2329':'#f6f8fa',change={'font.color':ink,'hoverlabel.bgcolor':panel};
-for(const axis of ['xaxis','xaxis2','xaxis3','yaxis','yaxis2','yaxis3'])
+for(const axis of ['x','y'].flatMap(a=>['',2,3,4,5,6].map(n=>a+'axis'+n)))
 {change[axis+'.gridcolor']=line;change[axis+'.zerolinecolor']=line;}
 document.querySelectorAll('.figure .plotly-graph-div').forEach(graph=>Plotly.relayout(graph,change));}
 dark.addEventListener('change',paint);paint();
 """
 
 
-def page(experiment: Experiment, *, parameters: Mapping[str, float], command: str) -> str:
-    """The page as HTML text, with everything it needs inside it.
+Budgets = Mapping[str, Mapping[str, Mapping[str, float]]]
+"""Trial -> fidelity -> variable -> NRMSE allowed (harness/check.py)."""
+
+
+def page(experiment: Experiment, *, parameters: Mapping[str, float], command: str, budgets: Budgets | None = None) -> str:
+    """The page as HTML text, with everything it needs inside it; errors are held against `budgets` where there are any.
 
     `parameters` are those that were set for all runs; `command` is the command line that makes the page again.
     """
@@ -74,9 +89,13 @@ def page(experiment: Experiment, *, parameters: Mapping[str, float], command: st
         '<meta name="viewport" content="width=device-width,initial-scale=1"><link rel="icon" href="data:,">'
         f"<title>EMA twins: {html.escape(', '.join(trials))}</title><style>{STYLE}</style>"
         f"<script>{get_plotlyjs()}</script></head><body><main>"
-        f"<h1>EMA twins side by side</h1><p>Every fidelity flown as an FMU and compared with {experiment.reference}. "
+        f"<h1>EMA twins side by side</h1>{_verdict(experiment, budgets or {})}"
+        f"<p>Every fidelity flown as an FMU and compared with {experiment.reference}. "
         "NRMSE is the rms difference over the range of the reference.</p>"
-        f'<div class="scroll">{_table(experiment, trials)}</div>'
+        f'<div class="scroll" tabindex="0">{_table(experiment, trials, budgets or {})}</div>'
+        f'<section><h2>Error against cost</h2><div class="figure low" role="img" '
+        f'aria-label="Error of position against wall time per simulated second, by fidelity; the table has the figures.">'
+        f"{_cost(experiment).to_html(full_html=False, include_plotlyjs=False, config=CONFIG)}</div></section>"
         f"{sections}<h2>How this page was made</h2><p>Parameters: {html.escape(settings)}.</p>"
         f"<pre>{html.escape(command)}</pre>"
         f'<p class="note">EMA twins {__version__}, {html.escape(_versions())}; '
@@ -107,19 +126,70 @@ def percent(item: Comparison | None) -> str:
     return "-" if item.nrmse is None else f"{100.0 * item.nrmse:.4f} %"
 
 
-def _table(experiment: Experiment, trials: list[str]) -> str:
+def _budget(budgets: Budgets, item: Comparison) -> float | None:
+    return budgets.get(item.trial, {}).get(item.candidate, {}).get(item.variable)
+
+
+def _verdict(experiment: Experiment, budgets: Budgets) -> str:
+    """One sentence on how the errors stand against their budgets."""
+    held = [(item, _budget(budgets, item)) for item in experiment.comparisons]
+    judged = [(item, budget) for item, budget in held if budget is not None]
+    outside = [item for item, budget in judged if item.nrmse is None or item.nrmse > budget]
+    failed = "".join(f'<p class="verdict over">{html.escape(line)}</p>' for line in experiment.failures)
+    if not judged:
+        return failed
+    if not outside:
+        return f'{failed}<p class="verdict ok">All {len(judged)} errors with a budget are within it.</p>'
+    names = html.escape(", ".join(f"{item.trial} {item.candidate} {item.variable}" for item in outside))
+    told = f"{len(outside)} of {len(judged)} errors exceed their budget: {names}."
+    return f'{failed}<p class="verdict over">{told}</p>'
+
+
+def _cell(item: Comparison | None, budgets: Budgets) -> str:
+    """An error, coloured and marked by how much of its budget it takes."""
+    budget = None if item is None else _budget(budgets, item)
+    if item is None or item.nrmse is None or budget is None:
+        return f"<td>{percent(item)}</td>"
+    kind, mark = ("over", "!") if item.nrmse > budget else ("near", "") if item.nrmse > 0.7 * budget else ("ok", "")
+    told = f"budget {100.0 * budget:.4f} %"
+    return f'<td class="{kind}" title="{told}">{mark} {percent(item)} <small>of {100.0 * budget:.3g} %</small></td>'
+
+
+def _table(experiment: Experiment, trials: list[str], budgets: Budgets) -> str:
     rows = []
     for (trial, fidelity), run in sorted(experiment.runs.items(), key=lambda entry: trials.index(entry[0][0])):
         errors = errors_of(experiment, trial, fidelity)
-        cells = "".join(f"<td>{percent(errors.get(name))}</td>" for name, _ in FIGURES)
+        cells = "".join(_cell(errors.get(name), budgets) for name, _ in FIGURES)
         wall = run.attrs["wall_s"] / run.attrs["simulated_s"]
-        rows.append(f"<tr><td>{html.escape(trial)}</td><td>{html.escape(fidelity)}</td>{cells}<td>{wall:.4f}</td></tr>")
+        head = f'<th scope="row">{html.escape(trial)}</th><td>{html.escape(fidelity)}</td>'
+        rows.append(f"<tr>{head}{cells}<td>{wall:.4f}</td></tr>")
+    heads = ("Trial", "Fidelity", "Position", "Motor speed", "Current, filtered", "Wall s / s")
     return (
-        "<table><caption>Errors (NRMSE) and wall seconds per simulated second</caption><thead><tr><th>Trial</th>"
-        "<th>Fidelity</th><th>Position</th><th>Motor speed</th><th>Current, filtered</th><th>Wall s / s</th></tr>"
-        "</thead>"
+        "<table><caption>Errors (NRMSE, of their budget where there is one) and wall seconds per simulated second"
+        f"</caption><thead><tr>{''.join(f'<th scope=col>{head}</th>' for head in heads)}</tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table>"
     )
+
+
+def _cost(experiment: Experiment) -> go.Figure:
+    figure = go.Figure()
+    names = dict.fromkeys(fidelity for _, fidelity in experiment.runs if fidelity != experiment.reference)
+    for name in names:
+        runs = [(trial, run) for (trial, fidelity), run in experiment.runs.items() if fidelity == name]
+        items = [errors_of(experiment, trial, name).get("position") for trial, _ in runs]
+        figure.add_scatter(
+            x=[run.attrs["wall_s"] / run.attrs["simulated_s"] for _, run in runs],
+            y=[100.0 * item.nrmse if item and item.nrmse else None for item in items],
+            text=[trial for trial, _ in runs],
+            mode="markers+text",
+            textposition="middle right",
+            name=name,
+            marker={"size": 11, "color": COLOURS.get(name)},
+        )
+    figure.update_xaxes(type="log", title="wall s / simulated s")
+    figure.update_yaxes(type="log", title="error of position [%]")
+    figure.update_layout(**LAYOUT)
+    return figure
 
 
 def _spoken(trial: str, experiment: Experiment) -> str:
@@ -131,28 +201,42 @@ def _spoken(trial: str, experiment: Experiment) -> str:
     return f"{trial}: position, motor speed and current over time. Position error: {', '.join(told) or 'none'}."
 
 
+def _saturated(run: xr.DataArray) -> list[tuple[float, float]]:
+    """Intervals of time [s] in which the flag is up."""
+    up = np.concatenate([[False], run.values.astype(bool), [False]])
+    edges = np.flatnonzero(np.diff(up.astype(int)))
+    times = run.time.values
+    return [(float(times[first]), float(times[last - 1])) for first, last in edges.reshape(-1, 2)]
+
+
 def _figure(trial: str, experiment: Experiment) -> go.Figure:
-    figure = make_subplots(rows=len(FIGURES), cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    """Each quantity, with the residuals against the reference under it; the reference's saturated intervals shaded."""
+    heights = [0.72, 0.28] * len(FIGURES)
+    figure = make_subplots(
+        rows=2 * len(FIGURES), cols=1, shared_xaxes=True, vertical_spacing=0.025, row_heights=[h / 3.0 for h in heights]
+    )
     flown = [(fidelity, run) for (name, fidelity), run in experiment.runs.items() if name == trial]
-    for row, (variable, title) in enumerate(FIGURES, start=1):
-        curves = [("command", flown[0][1]["command"])] if row == 1 else []
+    reference = experiment.runs[trial, experiment.reference]
+    for place, (variable, title) in enumerate(FIGURES):
+        row = 2 * place + 1
+        curves = [("command", reference["command"])] if place == 0 else []
         curves += [(fidelity, run[variable]) for fidelity, run in flown]
         for name, values in curves:
-            figure.add_trace(_curve(name, values, showlegend=row == 1), row=row, col=1)
+            figure.add_trace(_curve(name, values, showlegend=place == 0), row=row, col=1)
+        for fidelity, run in flown:
+            if fidelity != experiment.reference:
+                figure.add_trace(_curve(fidelity, run[variable] - reference[variable], showlegend=False), row=row + 1, col=1)
         figure.update_yaxes(title_text=title, row=row, col=1)
+        figure.update_yaxes(title_text="residual", row=row + 1, col=1)
     for fidelity, run in flown:
         curve = _curve(fidelity, run[INSTANTANEOUS])
         curve.update(name=f"{fidelity} instantaneous", legendgroup=None, visible="legendonly", opacity=0.5)
-        figure.add_trace(curve, row=len(FIGURES), col=1)
-    figure.update_xaxes(title_text="Time [s]", row=len(FIGURES), col=1)
-    figure.update_layout(
-        paper_bgcolor="rgba(0,0,0,0)",
-        plot_bgcolor="rgba(0,0,0,0)",
-        margin={"l": 70, "r": 20, "t": 90, "b": 50},
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.02},
-        modebar={"bgcolor": "rgba(0,0,0,0)"},
-        hovermode="x unified",
-    )
+        figure.add_trace(curve, row=2 * len(FIGURES) - 1, col=1)
+    shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below", "line": {"width": 0}}
+    spans = _saturated(reference["voltage_saturated"])
+    figure.update_layout(shapes=[shade | {"x0": x0, "x1": x1, "fillcolor": "rgba(214,150,31,.16)"} for x0, x1 in spans])
+    figure.update_xaxes(title_text="Time [s] (shaded: voltage-limited)", row=2 * len(FIGURES), col=1)
+    figure.update_layout(**LAYOUT, hovermode="x unified")
     return figure
 
 

@@ -39,6 +39,7 @@ def run(
 ) -> None:
     """Fly trials with all fidelities, compare them, write trajectories (CSV) and a page (HTML)."""
     from harness import report, results
+    from harness.check import read_budgets
     from harness.fidelity import FIDELITIES, FMU_DIR, file_stem, parse_fidelities, parse_settings
     from harness.switch import parse_switch
     from harness.twin import Interrupted
@@ -70,7 +71,8 @@ def run(
     for (trial, name), dataset in experiment.runs.items():
         results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
     command = shlex.join(["ema", *sys.argv[1:]])
-    results.write(out / "report.html", report.page(experiment, parameters=parameters, command=command))
+    budgets = read_budgets() if experiment.reference == "HF" and not parameters else None  # they are healthy HF's
+    results.write(out / "report.html", report.page(experiment, parameters=parameters, command=command, budgets=budgets))
     if json_file:
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
         results.write(json_file, results.as_json(entries, experiment.comparisons))
