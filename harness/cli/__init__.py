@@ -12,13 +12,14 @@ from harness.cli.export import export
 from harness.cli.ports import ports
 from harness.cli.reference import reference
 from harness.cli.run import run
+from harness.cli.serve import serve
 from harness.errors import HarnessError
 
 INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, check, compare, bench, export, reference, ports):
+for command in (build, run, check, serve, compare, bench, export, reference, ports):
     app.command()(command)
 
 

@@ -1,0 +1,30 @@
+"""`ema serve`."""
+
+from typing import Annotated
+
+import typer
+
+from harness.cli.build import build_missing
+from harness.cli.options import FmuDir
+from harness.errors import HarnessError
+
+
+def serve(
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="This machine alone, unless told otherwise.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="N", help="0 takes a free one.")] = 8050,
+    fmus: FmuDir = None,
+) -> None:
+    """Fly the twins on a live page: trial, fidelities and faults by sliders."""
+    import logging
+
+    from harness.fidelity import FIDELITIES, FMU_DIR
+
+    try:
+        from harness.serve import Server
+    except ImportError as error:
+        raise HarnessError(f"the live page needs {error.name}: pip install 'ema-twins[serve]'") from None
+    build_missing(list(FIDELITIES.values()), fmus or FMU_DIR, own=fmus is None)
+    logging.getLogger("werkzeug").setLevel(logging.WARNING)
+    server = Server(fmus or FMU_DIR, host=host, port=port)
+    typer.echo(f"{server.url}   Ctrl-C ends it")
+    server.run()
