@@ -1,7 +1,6 @@
 """`ema check`: budgets kept and exceeded, a regression caught, FMUs that crash, hang or lie contained."""
 
 import multiprocessing
-import os
 import shutil
 import subprocess
 import sys
@@ -11,8 +10,8 @@ from xml.etree import ElementTree
 
 import fmpy
 import pytest
+from rebuild import rebuilt
 
-from ema_fmu_src.fmu import source
 from harness import check
 from harness.cli import main
 from harness.errors import HarnessError
@@ -64,16 +63,11 @@ def test_a_k_e_that_is_5_percent_wrong_is_caught(
     folder: Path, budgets: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """EMA_LF.fmu built from sources in which motor.K_e starts at 0.0525 V.s/rad."""
-    copy = tmp_path / "sources" / "ema_fmu_src"
-    shutil.copytree(source.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    text = (copy / "ports.py").read_text()
-    assert text.count('"motor.K_e", "V.s/rad", 0.05,') == 1
-    (copy / "ports.py").write_text(text.replace('"motor.K_e", "V.s/rad", 0.05,', '"motor.K_e", "V.s/rad", 0.0525,'))
-    script = (
-        "import sys; from pathlib import Path; from ema_fmu_src.fmu.build import build; build(['LF'], out=Path(sys.argv[1]))"
+    sources = tmp_path / "sources"
+    sources.mkdir()
+    rebuilt(
+        "LF", folder, sources, old='"motor.K_e", "V.s/rad", 0.05,', new='"motor.K_e", "V.s/rad", 0.0525,', runtime="native"
     )
-    environment = os.environ | {"PYTHONPATH": str(copy.parent)}
-    subprocess.run([sys.executable, "-c", script, str(folder)], check=True, cwd=tmp_path, env=environment)
     strict = tmp_path / "strict.toml"
     strict.write_text("[SIN.LF]\nposition = 5e-4\nequivalent_current_filtered = 0.005\n")
     assert ema(monkeypatch, "--fmus", str(folder), "--budgets", str(strict), "--junit", str(tmp_path / "c.xml")) == 1

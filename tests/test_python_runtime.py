@@ -1,8 +1,6 @@
 """The python runtime's own ways: what it refuses is discarded with the next step, and which sources it runs."""
 
 import math
-import os
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from fmi import DISCARD, ERROR, STEP, Instance, refused
+from rebuild import rebuilt
 
 from ema_fmu_src import ports
 from ema_fmu_src.fmu import source
@@ -133,17 +132,8 @@ def test_holds_its_sources(python_fmus: dict[str, Path]) -> None:
 def other_lf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """EMA_LF.fmu built from a copy of the sources in which motor.R starts at 2 Ohm."""
     folder = tmp_path_factory.mktemp("other")
-    copy = folder / "ema_fmu_src"
-    shutil.copytree(source.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    text = (copy / "ports.py").read_text()
-    assert text.count('"motor.R", "Ohm", 1.0') == 1
-    (copy / "ports.py").write_text(text.replace('"motor.R", "Ohm", 1.0', '"motor.R", "Ohm", 2.0'))
-    script = (
-        "from pathlib import Path; from ema_fmu_src.fmu.build import build; build(['LF'], out=Path('.'), runtime='python')"
-    )
-    environment = os.environ | {"PYTHONPATH": str(folder)}
-    subprocess.run([sys.executable, "-c", script], check=True, cwd=folder, env=environment)
-    return folder / "EMA_LF.fmu"
+    old, new = '"motor.R", "Ohm", 1.0', '"motor.R", "Ohm", 2.0'
+    return rebuilt("LF", folder, tmp_path_factory.mktemp("sources"), old=old, new=new, runtime="python")
 
 
 def test_bundle_is_used_when_the_sources_differ(open_fmu: Callable[..., Instance], other_lf: Path) -> None:
