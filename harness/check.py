@@ -11,8 +11,10 @@ import numpy as np
 import xarray as xr
 
 from ema_fmu_src import ports
-from harness.compare import compare
+from harness import archive
+from harness.compare import Comparison, compare
 from harness.errors import HarnessError
+from harness.experiment import Experiment
 from harness.fidelity import FIDELITIES
 from harness.isolate import TIME_LIMIT, Isolated
 from harness.trials import BUILT_IN, trial
@@ -92,13 +94,16 @@ def check(
     parameters: Mapping[str, float] | None = None,
     time_limit: float = TIME_LIMIT,
     on_run: Callable[[str], None] = lambda text: None,
-) -> list[Verdict]:
-    """Fly what `budgets` names with the FMUs in the folder `fmus`, each in a process of its own; a verdict for each budget.
+) -> tuple[list[Verdict], Experiment]:
+    """Fly what `budgets` names with the FMUs in the folder `fmus`, each in a process of its own; a verdict for each budget,
+    and the runs for a page.
 
     The reference is EMA_HF.fmu there, the FMU `reference`, or the CSV files TRIAL_HF.csv in the folder `stored` (which
     `ema run` writes). A fidelity that fails is a verdict; HarnessError if the reference cannot be had.
     """
     verdicts: list[Verdict] = []
+    name_of_it = "reference" if reference or stored else "HF"
+    flown = Experiment({}, [], name_of_it)
     with ExitStack() as stack:
         opened: dict[Path, Isolated] = {}
 
@@ -114,16 +119,20 @@ def check(
                 expected = _stored(stored / f"{name}_HF.csv", name)
             else:
                 expected = fly(reference or fmus / FIDELITIES["HF"].fmu, name, given)
+            flown.runs[name, name_of_it] = expected
             for fidelity, allowed in fidelities.items():
                 chosen = FIDELITIES[fidelity]
                 try:
                     run = fly(fmus / chosen.fmu, name, {**given, **chosen.parameters})
-                    verdicts += _verdicts(run, expected, name, fidelity, allowed)
+                    found = compare(run, expected, names=(fidelity, name_of_it))
+                    verdicts += _verdicts(run, expected, found, fidelity, allowed)
+                    flown.runs[name, fidelity] = run
+                    flown.comparisons.extend(found)
                 except HarnessError as error:
                     verdicts += [
                         Verdict(name, fidelity, variable, budget, failure=str(error)) for variable, budget in allowed.items()
                     ]
-    return verdicts
+    return verdicts, flown
 
 
 def _stored(path: Path, name: str) -> xr.Dataset:
@@ -136,13 +145,21 @@ def _stored(path: Path, name: str) -> xr.Dataset:
         raise HarnessError(f"{path}: columns time and outputs are needed, found: {', '.join(table.dtype.names or ['none'])}")
     units = {port.name: port.unit for port in ports.OUTPUTS}
     data = {column: ("time", table[column], {"units": units[column]}) for column in names}
-    return xr.Dataset(data, coords={"time": ("time", table["time"])}, attrs={"trial": name})
+    data["command"] = (
+        "time",
+        table["command"] if "command" in (table.dtype.names or ()) else np.full(len(table), np.nan),
+        {},
+    )
+    attributes = {"trial": name, "fmu": path.name, "fmu_sha256": archive.content_hash(path)}
+    lasts = float(table["time"][-1] - table["time"][0])
+    return xr.Dataset(data, {"time": ("time", table["time"])}, attributes | {"wall_s": float("nan"), "simulated_s": lasts})
 
 
 def _verdicts(
-    run: xr.Dataset, expected: xr.Dataset, name: str, fidelity: str, allowed: Mapping[str, float]
+    run: xr.Dataset, expected: xr.Dataset, comparisons: Sequence[Comparison], fidelity: str, allowed: Mapping[str, float]
 ) -> list[Verdict]:
-    found = {item.variable: item for item in compare(run, expected, names=(fidelity, "the reference"))}
+    found = {item.variable: item for item in comparisons}
+    name = expected.attrs["trial"]
     verdicts = []
     for variable, budget in allowed.items():
         item = found.get(variable)

@@ -137,7 +137,11 @@ def test_stored_results_can_be_the_reference(
     monkeypatch.setattr(sys, "argv", ["ema", "run", "SIN", "--fidelity", "HF", "--fmus", everything, "--out", str(tmp_path)])
     with pytest.raises(SystemExit):
         main()
-    assert ema(monkeypatch, "--fmus", everything, "--budgets", budgets, "--stored", str(tmp_path)) == 0
+    page = tmp_path / "check.html"
+    arguments = ["--fmus", everything, "--budgets", budgets, "--stored", str(tmp_path), "--page", str(page)]
+    assert ema(monkeypatch, *arguments) == 0
+    text = page.read_text()
+    assert "All 2 errors with a budget are within it." in text and "SIN_HF.csv (SHA-256" in text
     assert ema(monkeypatch, "--fmus", everything, "--budgets", budgets, "--stored", str(tmp_path / "none")) == 2
     assert "no stored results of SIN" in capsys.readouterr().err
 

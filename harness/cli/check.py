@@ -1,5 +1,6 @@
 """`ema check`."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -22,11 +23,12 @@ def check(
     settings: Settings = None,
     time_limit: Annotated[float, typer.Option(metavar="S", help="For one run of an FMU, which is then ended.")] = 60.0,
     junit: Annotated[Path | None, typer.Option(metavar="FILE.xml", help="JUnit XML for a CI server.")] = None,
+    page: Annotated[Path | None, typer.Option(metavar="FILE.html", help="The report page, as ema run writes it.")] = None,
     markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="A summary; appended to, if it is there.")] = None,
 ) -> None:
     """Check every fidelity against its budget of the reference; exit code 0 within, 1 outside, 2 could not run."""
     from harness import check as checking
-    from harness import results
+    from harness import report, results
     from harness.fidelity import FIDELITIES, FMU_DIR, parse_settings
 
     allowed = checking.read_budgets(budgets or checking.DEFAULT)
@@ -35,14 +37,14 @@ def check(
         raise HarnessError(f"--time-limit {time_limit:g}: more than 0 s is needed")
     if reference and stored:
         raise HarnessError("--reference and --stored: one of the two can be the reference")
-    for path in (junit, markdown):
+    for path in (junit, markdown, page):
         if path:
             results.prepare_file(path)
     folder = fmus or FMU_DIR
     wanted = {"HF", *(fidelity for fidelities in allowed.values() for fidelity in fidelities)}
     if fmus is None:
         build_missing([FIDELITIES[name] for name in sorted(wanted)], folder, own=True)
-    verdicts = checking.check(
+    verdicts, flown = checking.check(
         allowed, fmus=folder, reference=reference, stored=stored, parameters=parameters, time_limit=time_limit
     )
     if junit:
@@ -50,6 +52,9 @@ def check(
     if markdown:
         before = markdown.read_text(encoding="utf-8") if markdown.exists() else ""
         results.write(markdown, before + checking.markdown(verdicts))
+    if page:
+        command = shlex.join(["ema", *sys.argv[1:]])
+        results.write(page, report.page(flown, parameters=parameters, command=command, budgets=allowed))
     outside = [verdict for verdict in verdicts if not verdict.passed]
     for line in dict.fromkeys(verdict.line for verdict in outside):
         typer.echo(line)
