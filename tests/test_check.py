@@ -184,7 +184,7 @@ def test_run_with_isolation_goes_on_without_the_one_that_crashes(
     monkeypatch.setattr(sys, "argv", ["ema", *arguments, "--fmus", str(folder), "--out", str(tmp_path / "out")])
     with pytest.raises(SystemExit) as ended:
         main()
-    assert not ended.value.code
+    assert ended.value.code == 1
     told = capsys.readouterr().out
     assert "EMA_LF.fmu, trial SIN: crashed (SIGABRT)" in told
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"SIN_ELF.csv", "SIN_ELFplus.csv", "report.html"}

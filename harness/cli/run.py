@@ -37,7 +37,10 @@ def run(
     json_file: JsonFile = None,
     fmus: FmuDir = None,
 ) -> None:
-    """Fly trials with all fidelities, compare them, write trajectories (CSV) and a page (HTML)."""
+    """Fly trials with all fidelities, compare them, write trajectories (CSV) and a page (HTML).
+
+    Exit code 1 if an FMU failed in its own process (--isolate).
+    """
     from harness import report, results
     from harness.check import read_budgets
     from harness.fidelity import FIDELITIES, FMU_DIR, file_stem, parse_fidelities, parse_settings
@@ -80,6 +83,8 @@ def run(
     for line in [*jumps, *experiment.failures]:
         typer.echo(line)
     typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
+    if experiment.failures:
+        sys.exit(1)
 
 
 def _fly(
