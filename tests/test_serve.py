@@ -39,6 +39,7 @@ def page(server: Server) -> Iterator[Any]:
         opened = browser.new_page(viewport={"width": 1400, "height": 1200})
         opened.goto(server.url)
         opened.wait_for_selector("#command:has-text('ema run SIN4')")
+        opened.wait_for_function("(document.querySelector('#figure .js-plotly-plot')?.calcdata?.[1] ?? []).length > 105")
         yield opened
         browser.close()
 
