@@ -1,6 +1,5 @@
 """The trials: what is commanded, and the loads, over time."""
 
-import csv
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
+from harness.csvfile import read_columns
 from harness.errors import HarnessError, unknown
 
 STEP = 1e-4
@@ -42,10 +42,11 @@ class Trial:
     @property
     def time(self) -> Array:
         """Communication points [s], shape (n_steps + 1,)."""
-        return _grid(self.start, len(self.inputs["command"]), self.step)
+        return grid(self.start, len(self.inputs["command"]), self.step)
 
 
-def _grid(start: float, points: int, step: float) -> Array:
+def grid(start: float, points: int, step: float) -> Array:
+    """Communication points start + n*step [s], shape (points,)."""
     return start + np.arange(points, dtype=np.float64) * step
 
 
@@ -87,7 +88,7 @@ def trial(name: str) -> Trial:
     if name.upper() not in BUILT_IN:
         raise unknown("trial", name, BUILT_IN)
     command, source = BUILT_IN[name.upper()]
-    t = _grid(0.0, round(DURATION / STEP) + 1, STEP)
+    t = grid(0.0, round(DURATION / STEP) + 1, STEP)
     inputs = {"command": command(t)}
     if name.upper() == "LOAD-STEP":
         inputs["load_torque"] = np.where(t < 1.0 - 0.5 * STEP, 0.0, 6.0)
@@ -101,65 +102,22 @@ def read_trial(path: Path) -> Trial:
     Values between the rows are interpolated linearly onto the communication grid, from the first to the last time.
     HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not a UTF-8 text file"
-        raise HarnessError(f"{path}: cannot be read: {reason}") from None
-    try:
-        lines = list(csv.reader(text.splitlines()))
-    except csv.Error as error:
-        raise HarnessError(f"{path}: cannot be read as CSV: {error}") from None
-    if not lines:
-        raise HarnessError(f"{path}: the file is empty; a header 'time,command' and rows of numbers are needed")
-    header = [name.strip() for name in lines[0]]
-    for name in ("time", "command"):
-        if name not in header:
-            raise HarnessError(f"{path}, line 1: no column '{name}', found: {', '.join(header)}")
-    for name in header:
-        if name not in ("time", *COLUMNS):
-            raise unknown(f"column in {path}, line 1:", name, ("time", *COLUMNS))
-        if header.count(name) > 1:
-            raise HarnessError(f"{path}, line 1: column '{name}' is there twice")
-    rows: list[list[float]] = []
-    for number, row in enumerate(lines[1:], start=2):
-        if len(row) < 2 and not "".join(row).strip():
-            continue
-        if len(row) != len(header):
-            raise HarnessError(f"{path}, line {number}: {len(row)} values, but the header has {len(header)} columns")
-        values = [_number(path, number, name, cell) for name, cell in zip(header, row, strict=True)]
-        t = values[header.index("time")]
-        if rows and t <= rows[-1][header.index("time")]:
-            before = rows[-1][header.index("time")]
-            raise HarnessError(f"{path}, line {number}: time {t:g} s does not come after {before:g} s of the row before")
-        rows.append(values)
-    if len(rows) < 2:
-        raise HarnessError(f"{path}: {len(rows)} row(s) of numbers; at least two are needed")
-    table = dict(zip(header, np.array(rows).T, strict=True))
+    table = read_columns(path, ("time", "command"), COLUMNS)
     times = table["time"]
     lasts = float(times[-1] - times[0])
     if not STEP * (1.0 - 1e-6) <= lasts <= STEP * MOST_POINTS:
         raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {STEP * MOST_POINTS:g} s can be flown")
-    _check_ranges(path, table)
-    grid = _grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)
-    inputs = {name: np.interp(grid, times, table[name]) for name in COLUMNS if name in table}
+    check_ranges(path, table)
+    points = grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)
+    inputs = {name: np.interp(points, times, table[name]) for name in COLUMNS if name in table}
     return Trial(path.stem, float(times[0]), STEP, inputs, str(path.name))
 
 
-def _check_ranges(path: Path, table: dict[str, Array]) -> None:
+def check_ranges(path: Path, table: dict[str, Array]) -> None:
+    """HarnessError if a column that is an input has a value that the FMUs refuse."""
     for port in ports.INPUTS:
         low = -math.inf if port.minimum is None else port.minimum
         high = math.inf if port.maximum is None else port.maximum
         for value in table.get(port.name, np.empty(0)):
             if not low <= value <= high:
                 raise HarnessError(f"{path}, column {port.name}: {value:g} is out of range, {low:g} to {high:g} {port.unit}")
-
-
-def _number(path: Path, line: int, column: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise HarnessError(f"{path}, line {line}, column {column}: '{text.strip()}' is not a number") from None
-    if not math.isfinite(value):
-        raise HarnessError(f"{path}, line {line}, column {column}: {text.strip()} is not a finite number")
-    return value

@@ -7,12 +7,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from fmpy.fmi1 import FMICallException
+from numpy.typing import NDArray
 
 from ema_fmu_src import ports
 from harness import archive, master
 from harness.component import Component
 from harness.errors import HarnessError
 from harness.trials import Trial
+
+HELD = ("load_torque", "supply_voltage")
+"""Inputs that may stand among the parameters of a run: held where the trial gives none."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -48,26 +52,42 @@ class Twin(Component):
         wall_s (of the communication loop) and simulated_s. The command is there too.
         """
         given = dict(parameters or {})
-        held = {name: given[name] for name in ("load_torque", "supply_voltage") if name in given}
-        fixed = {name: value for name, value in given.items() if name not in held}
-        inputs = {name: np.full(len(trial.time), value) for name, value in held.items()} | trial.inputs
-        reals = [port for port in ports.OUTPUTS if port.kind == "Real"]
-        booleans = [port for port in ports.OUTPUTS if port.kind == "Boolean"]
+        outputs = sorted(ports.OUTPUTS, key=lambda port: port.kind == "Boolean")
+        try:
+            values, wall = self.record(trial, given, outputs, on_progress=on_progress)
+        except master.Stopped as stop:
+            raise Interrupted(self._dataset(trial, given, stop.outputs, 0.0, outputs)) from None
+        return self._dataset(trial, given, values, wall, outputs)
+
+    def record(
+        self,
+        trial: Trial,
+        parameters: Mapping[str, float],
+        outputs: Sequence[ports.Variable],
+        *,
+        on_progress: Callable[[int], None] | None = None,
+    ) -> tuple[NDArray[np.float64], float]:
+        """As `run`, but only some outputs (Reals first, then Booleans), as they come from the master, and the wall time [s].
+
+        The outputs have the shape (n_steps + 1, len(outputs)). For many runs: it costs what the master costs.
+        """
+        inputs = _held(trial, parameters) | trial.inputs
+        fixed = {name: value for name, value in parameters.items() if name not in HELD}
+        reals = [port for port in outputs if port.kind == "Real"]
         slave = self.begin(fixed, {name: float(series[0]) for name, series in inputs.items()}, start=trial.start)
         try:
-            values, wall = master.run(
+            return master.run(
                 slave,
                 start=trial.start,
                 step=trial.step,
                 stimuli=self._stimuli(trial, inputs),
-                wanted=master.References(real=self._references(reals), boolean=self._references(booleans)),
+                wanted=master.References(
+                    real=self._references(reals), boolean=self._references([port for port in outputs if port not in reals])
+                ),
                 on_progress=on_progress,
             )
         except (FMICallException, master.StepFailed) as error:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {self.told() or error}") from None
-        except master.Stopped as stop:
-            raise Interrupted(self._dataset(trial, given, inputs, stop.outputs, 0.0, [*reals, *booleans])) from None
-        return self._dataset(trial, given, inputs, values, wall, [*reals, *booleans])
 
     def _references(self, variables: Sequence[ports.Variable]) -> list[int]:
         return [self.variables[variable.name].valueReference for variable in variables]
@@ -83,12 +103,11 @@ class Twin(Component):
         self,
         trial: Trial,
         parameters: Mapping[str, float],
-        inputs: Mapping[str, Any],
-        values: Any,
+        values: NDArray[np.float64],
         wall: float,
-        outputs: list[ports.Variable],
+        outputs: Sequence[ports.Variable],
     ) -> xr.Dataset:
-        command = inputs["command"][: len(values)]
+        command = trial.inputs["command"][: len(values)]
         data: dict[str, Any] = {"command": ("time", command, {"units": "rad", "long_name": "Commanded position"})}
         for column, port in enumerate(outputs):
             series = values[:, column].astype(bool) if port.kind == "Boolean" else values[:, column]
@@ -106,3 +125,7 @@ class Twin(Component):
                 "simulated_s": float(times[-1] - times[0]),
             },
         )
+
+
+def _held(trial: Trial, parameters: Mapping[str, float]) -> dict[str, NDArray[np.float64]]:
+    return {name: np.full(len(trial.time), parameters[name]) for name in HELD if name in parameters}

@@ -1,0 +1,74 @@
+"""Columns of numbers from a CSV file, every complaint with its line and column."""
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError, unknown
+
+
+def read_columns(
+    path: Path, required: Sequence[str], optional: Sequence[str] = (), *, others: bool = False
+) -> dict[str, NDArray[np.float64]]:
+    """The columns of `path` by name, each of shape (n_rows,), n_rows >= 2; the first of `required` is the time, which rises.
+
+    Columns that are neither required nor optional are refused, or left out with `others`. HarnessError, with line and
+    column, for anything that is not a row of finite numbers with increasing times.
+    """
+    lines = _lines(path)
+    wanted = (*required, *optional)
+    if not lines:
+        raise HarnessError(f"{path}: the file is empty; a header '{','.join(required)}' and rows of numbers are needed")
+    header = [name.strip() for name in lines[0]]
+    for name in required:
+        if name not in header:
+            raise HarnessError(f"{path}, line 1: no column '{name}', found: {', '.join(header)}")
+    for name in header:
+        if name not in wanted and not others:
+            raise unknown(f"column in {path}, line 1:", name, wanted)
+        if name in wanted and header.count(name) > 1:
+            raise HarnessError(f"{path}, line 1: column '{name}' is there twice")
+    kept = [column for column, name in enumerate(header) if name in wanted]
+    clock = header.index(required[0])
+    rows: list[list[float]] = []
+    before = -math.inf
+    for number, row in enumerate(lines[1:], start=2):
+        if len(row) < 2 and not "".join(row).strip():
+            continue
+        if len(row) != len(header):
+            raise HarnessError(f"{path}, line {number}: {len(row)} values, but the header has {len(header)} columns")
+        values = [_number(path, number, header[column], row[column]) for column in kept]
+        now = values[kept.index(clock)]
+        if now <= before:
+            raise HarnessError(f"{path}, line {number}: time {now:g} s does not come after {before:g} s of the row before")
+        before = now
+        rows.append(values)
+    if len(rows) < 2:
+        raise HarnessError(f"{path}: {len(rows)} row(s) of numbers; at least two are needed")
+    return dict(zip([header[column] for column in kept], np.array(rows).T, strict=True))
+
+
+def _lines(path: Path) -> list[list[str]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not a UTF-8 text file"
+        raise HarnessError(f"{path}: cannot be read: {reason}") from None
+    try:
+        return list(csv.reader(text.splitlines()))
+    except csv.Error as error:
+        raise HarnessError(f"{path}: cannot be read as CSV: {error}") from None
+
+
+def _number(path: Path, line: int, column: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise HarnessError(f"{path}, line {line}, column {column}: '{text.strip()}' is not a number") from None
+    if not math.isfinite(value):
+        raise HarnessError(f"{path}, line {line}, column {column}: {text.strip()} is not a finite number")
+    return value
