@@ -1,20 +1,16 @@
 """One self-contained HTML page: errors, wall times and the paper's Figures 5 to 7 from our own runs."""
 
 import html
-import platform
 from collections.abc import Mapping
-from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 import xarray as xr
-from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
-from ema_fmu_src import __version__
 from harness.compare import Comparison
 from harness.experiment import Experiment
+from harness.page import LAYOUT, document, drawn, origin
 
 FIGURES = (
     ("position", "Position [rad]"),
@@ -29,43 +25,6 @@ DASHES = {"command": "dot", "HF": "solid", "ELF": "dash", "ELF+": "dash", "LF": 
 MOST_POINTS = 2501
 """Points drawn of each curve; more cannot be told apart and make the page heavy."""
 
-STYLE = """
-:root{--text:#1b1f24;--soft:#5b6570;--line:#d9dee4;--back:#ffffff;--panel:#f6f8fa}
-@media (prefers-color-scheme:dark){:root{--text:#e6e9ec;--soft:#9aa4ae;--line:#39424c;--back:#14181c;--panel:#1d2329}}
-body{font:16px/1.5 system-ui,sans-serif;color:var(--text);background:var(--back);margin:0 auto;max-width:76rem;
-padding:1rem}
-h1{font-size:1.5rem}h2{font-size:1.2rem;margin-top:2rem}
-.scroll{overflow-x:auto}table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
-th,td{padding:.3rem .7rem;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
-th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}thead th{color:var(--soft);font-weight:600}
-caption{text-align:left;color:var(--soft);padding-bottom:.4rem}
-code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-x:auto}pre{padding:.7rem}
-.figure{height:62rem}.figure.low{height:26rem}.figure>div{height:100%}.note{color:var(--soft)}
-.verdict{padding:.6rem .9rem;border-radius:6px;font-weight:600}
-.ok{background:rgba(22,147,91,.18)}.near{background:rgba(214,150,31,.25)}.over{background:rgba(214,50,31,.25)}
-td small{color:var(--soft)}
-"""
-
-LAYOUT: dict[str, Any] = {
-    "paper_bgcolor": "rgba(0,0,0,0)",
-    "plot_bgcolor": "rgba(0,0,0,0)",
-    "margin": {"l": 70, "r": 20, "t": 90, "b": 50},
-    "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
-    "modebar": {"bgcolor": "rgba(0,0,0,0)"},
-}
-CONFIG = {"responsive": True, "displaylogo": False}
-
-THEME = """
-const dark=window.matchMedia('(prefers-color-scheme: dark)');
-function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',
-panel=dark.matches?'#1d2329':'#f6f8fa',change={'font.color':ink,'hoverlabel.bgcolor':panel};
-for(const axis of ['x','y'].flatMap(a=>['',2,3,4,5,6].map(n=>a+'axis'+n)))
-{change[axis+'.gridcolor']=line;change[axis+'.zerolinecolor']=line;}
-document.querySelectorAll('.figure .plotly-graph-div').forEach(graph=>Plotly.relayout(graph,change));}
-dark.addEventListener('change',paint);paint();
-"""
-
-
 Budgets = Mapping[str, Mapping[str, Mapping[str, float]]]
 """Trial -> fidelity -> variable -> NRMSE allowed (harness/check.py)."""
 
@@ -77,36 +36,20 @@ def page(experiment: Experiment, *, parameters: Mapping[str, float], command: st
     """
     trials = list(dict.fromkeys(trial for trial, _ in experiment.runs))
     sections = "".join(
-        f"<section><h2>{html.escape(trial)}</h2>"
-        f'<div class="figure" role="img" aria-label="{html.escape(_spoken(trial, experiment))}">'
-        f"{_figure(trial, experiment).to_html(full_html=False, include_plotlyjs=False, config=CONFIG)}"
-        "</div></section>"
+        f"<section><h2>{html.escape(trial)}</h2>{drawn(_figure(trial, experiment), _spoken(trial, experiment))}</section>"
         for trial in trials
     )
     settings = ", ".join(f"{name} = {value:g}" for name, value in parameters.items()) or "all at their defaults"
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1"><link rel="icon" href="data:,">'
-        f"<title>EMA twins: {html.escape(', '.join(trials))}</title><style>{STYLE}</style>"
-        f"<script>{get_plotlyjs()}</script></head><body><main>"
+    cost = "Error of position against wall time per simulated second, by fidelity; the table has the figures."
+    return document(
+        f"EMA twins: {', '.join(trials)}",
         f"<h1>EMA twins side by side</h1>{_verdict(experiment, budgets or {})}"
         f"<p>Every fidelity flown as an FMU and compared with {experiment.reference}. "
         "NRMSE is the rms difference over the range of the reference.</p>"
         f'<div class="scroll" tabindex="0">{_table(experiment, trials, budgets or {})}</div>'
-        f'<section><h2>Error against cost</h2><div class="figure low" role="img" '
-        f'aria-label="Error of position against wall time per simulated second, by fidelity; the table has the figures.">'
-        f"{_cost(experiment).to_html(full_html=False, include_plotlyjs=False, config=CONFIG)}</div></section>"
-        f"{sections}<h2>How this page was made</h2><p>Parameters: {html.escape(settings)}.</p>"
-        f"<pre>{html.escape(command)}</pre>"
-        f'<p class="note">EMA twins {__version__}, {html.escape(_versions())}; '
-        f"FMUs: {html.escape(_hashes(experiment))}.</p>"
-        f"</main><script>{THEME}</script></body></html>"
+        f"<section><h2>Error against cost</h2>{drawn(_cost(experiment), cost, 'low')}</section>"
+        f"{sections}{origin(command, f'; FMUs: {html.escape(_hashes(experiment))}; parameters: {html.escape(settings)}')}",
     )
-
-
-def _versions() -> str:
-    packages = ", ".join(f"{name} {version(name)}" for name in ("fmpy", "numpy", "plotly"))
-    return f"Python {platform.python_version()}, {packages}, {platform.system()} {platform.machine()}"
 
 
 def _hashes(experiment: Experiment) -> str:

@@ -18,7 +18,8 @@ from harness import results
 from harness.compare import compare
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
-from harness.report import COLOURS, FIGURES, LAYOUT, percent
+from harness.page import LAYOUT
+from harness.report import COLOURS, FIGURES, percent
 from harness.trials import BUILT_IN, trial
 from harness.twin import Twin
 

@@ -9,6 +9,7 @@ from harness.cli.build import build
 from harness.cli.check import check
 from harness.cli.compare import compare
 from harness.cli.export import export
+from harness.cli.identify import identify
 from harness.cli.ports import ports
 from harness.cli.reference import reference
 from harness.cli.run import run
@@ -19,13 +20,13 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, check, serve, compare, bench, export, reference, ports):
+for command in (build, run, identify, check, serve, compare, bench, export, reference, ports):
     app.command()(command)
 
 
 @app.callback()
 def _ema() -> None:
-    """Digital twins of an electromechanical flight-control actuator: build, fly and compare them as FMUs."""
+    """Digital twins of an electromechanical flight-control actuator: build, fly, compare and diagnose them as FMUs."""
 
 
 def main() -> None:

@@ -31,6 +31,8 @@ def bench(
 ) -> None:
     """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run."""
     import json
+    import shlex
+    import sys
 
     from harness import results
     from harness.bench import overhead, speed
@@ -63,7 +65,7 @@ def bench(
     for table in tables:
         _print(table)
     if out:
-        results.write(out / "bench.html", page(tables, measured))
+        results.write(out / "bench.html", page(tables, measured, shlex.join(["ema", *sys.argv[1:]])))
         typer.echo(f"page: {out / 'bench.html'}")
     if json_file:
         content = {

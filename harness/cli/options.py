@@ -1,5 +1,7 @@
 """Options that several commands share, and what they become."""
 
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,6 +10,7 @@ import typer
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.fidelity import Fidelity
     from harness.trials import Trial
 
 Settings = Annotated[
@@ -27,6 +30,39 @@ TrialFile = Annotated[
         "--trial-file", metavar="FILE.csv", help="A trial of your own: time, command[, load_torque, supply_voltage]."
     ),
 ]
+Monitor = Annotated[str, typer.Option("--monitor", metavar="FIDELITY", help="The model: ELF+, LF, ELF or HF.")]
+Limits = Annotated[
+    list[str] | None,
+    typer.Option("--limit", metavar="NAME=VALUE", help="A fault at which health is 0, such as friction=2; several times."),
+]
+Threshold = Annotated[
+    float, typer.Option("--threshold", metavar="PART", help="Loss of health from which a fault is alarmed.")
+]
+
+
+@contextmanager
+def required_extra(extra: str) -> Iterator[None]:
+    """Turns a missing library into one line that names the extra which brings it."""
+    try:
+        yield
+    except ImportError as error:
+        raise HarnessError(f"this command needs {error.name}: pip install 'ema-twins[{extra}]'") from None
+
+
+def chosen_monitor(
+    name: str, settings: list[str] | None, *, estimated: Collection[str]
+) -> "tuple[Fidelity, dict[str, float]]":
+    """The monitor's fidelity and the parameters set for it; HarnessError if one of them is to be `estimated`."""
+    from harness.fidelity import FIDELITIES, parse_fidelities, parse_settings
+
+    models = parse_fidelities(name)
+    if len(models) != 1:
+        raise HarnessError(f"--monitor {name}: one fidelity is needed, of {', '.join(FIDELITIES)}")
+    parameters = parse_settings(settings or [])
+    for port in estimated:
+        if port in parameters:
+            raise HarnessError(f"--set {port}: it is what is estimated; only other parameters can be set")
+    return models[0], parameters
 
 
 def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":

@@ -5,8 +5,7 @@ from typing import Annotated
 import typer
 
 from harness.cli.build import build_missing
-from harness.cli.options import FmuDir
-from harness.errors import HarnessError
+from harness.cli.options import FmuDir, required_extra
 
 
 def serve(
@@ -19,10 +18,8 @@ def serve(
 
     from harness.fidelity import FIDELITIES, FMU_DIR
 
-    try:
+    with required_extra("serve"):
         from harness.serve import Server
-    except ImportError as error:
-        raise HarnessError(f"the live page needs {error.name}: pip install 'ema-twins[serve]'") from None
     build_missing(list(FIDELITIES.values()), fmus or FMU_DIR, own=fmus is None)
     logging.getLogger("werkzeug").setLevel(logging.WARNING)
     server = Server(fmus or FMU_DIR, host=host, port=port)

@@ -1,0 +1,88 @@
+"""`ema identify`."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harness.cli.build import build_missing
+from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from harness.identify.diagnosis import Diagnosis
+
+
+def identify(
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED.csv", help="A measured run.")],
+    monitor: Monitor = "ELF+",
+    settings: Settings = None,
+    limits: Limits = None,
+    threshold: Threshold = 0.05,
+    tolerance: Annotated[
+        float, typer.Option(metavar="PART", help="Of a channel's range, that may be left unexplained.")
+    ] = 0.003,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the diagnosis as JSON.")] = None,
+    fmus: FmuDir = None,
+) -> None:
+    """Identify the faults of a measured run: estimates with intervals, health, a verdict, a page.
+
+    Columns: time, command, position, motor_speed, and equivalent_current_filtered or phase_current_a, _b, _c; optionally
+    load_torque and supply_voltage; SI units, 500 rows a second or more. Exit code 1 if the run cannot be explained.
+    """
+    import json
+
+    from harness import results
+    from harness.fidelity import FMU_DIR
+    from harness.identify import diagnosis as diagnosing
+    from harness.identify.faults import FAULTS, parse_limits
+    from harness.identify.measured import read_measured
+    from harness.identify.page import page
+
+    model, parameters = chosen_monitor(monitor, settings, estimated={fault.port for fault in FAULTS.values()})
+    ends = parse_limits(limits or [])
+    if not 0.0 <= threshold < 1.0:
+        raise HarnessError(f"--threshold {threshold:g}: 0 up to less than 1 is needed")
+    if not tolerance > 0.0:
+        raise HarnessError(f"--tolerance {tolerance:g}: more than 0 is needed, such as 0.003")
+    run = read_measured(measured, parameters)
+    results.prepare(out)
+    if json_file:
+        results.prepare_file(json_file)
+    build_missing([model], fmus or FMU_DIR, own=fmus is None)
+    found = diagnosing.identify(
+        run,
+        fmus=fmus or FMU_DIR,
+        monitor=model,
+        parameters=parameters,
+        limits=ends,
+        threshold=threshold,
+        tolerance=tolerance,
+    )
+    target = out / f"{measured.stem}_identified.html"
+    results.write(target, page(found, run, shlex.join(["ema", *sys.argv[1:]])))
+    if json_file:
+        results.write(json_file, json.dumps(found.as_dict(), indent=1, allow_nan=False) + "\n")
+    _print(found)
+    typer.echo(f"page: {target}")
+    if found.complaints:
+        sys.exit(1)
+
+
+def _print(found: "Diagnosis") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from harness.identify.page import HEADS, rows
+
+    shown = Table(title=f"{found.name}, {found.monitor}: {found.evaluations} runs of the FMU in {found.seconds:.1f} s")
+    for head in HEADS:
+        shown.add_column(head, justify="left" if head in ("Fault", "") else "right")
+    for row in rows(found):
+        shown.add_row(*row)
+    Console().print(shown)
+    for line in (found.verdict, *found.remarks):
+        typer.echo(line)

@@ -1,0 +1,256 @@
+"""From a fit to what a maintainer reads: estimates with intervals, health, a verdict, and what the model cannot explain."""
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema_fmu_src import ports
+from harness.fidelity import FIDELITIES, Fidelity
+from harness.identify import faults
+from harness.identify.faults import FAULTS, Fault
+from harness.identify.fit import EXPLAINED, Fit, fit
+from harness.identify.measured import Measured
+from harness.identify.monitor import Monitor
+
+Array = NDArray[np.float64]
+
+THRESHOLD = 0.05
+"""Loss of health from which a fault is alarmed, if its interval leaves the healthy value out."""
+IDENTIFIABLE = 0.10
+"""Half width of a 95 % interval, in spans, up to which a run is said to identify a fault."""
+IDENTIFIABLE_PHI = 0.5
+"""The same for phi [rad]."""
+TWO = 5.991
+"""95 % quantile of chi-squared with two degrees of freedom: the eccentricity has two coordinates."""
+FACTORS = {
+    180.0 / math.pi: "degrees instead of rad",
+    30.0 / math.pi: "rpm instead of rad/s",
+    1000.0: "a thousandth of the unit (mrad, mA)",
+    0.001: "a thousand times the unit",
+    -1.0: "the other sign",
+}
+"""What a column looks like that is as many times what it should be."""
+ALIKE = 0.99
+"""Correlation from which two curves are taken to be the same quantity."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fault: value and ends of its 95 % interval in `unit`; if not identifiable, `reason` says why.
+
+    `health` is 1 when healthy and 0 at the limit; None where it says nothing (not identifiable, or phi).
+    """
+
+    fault: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    identifiable: bool
+    reason: str
+    health: float | None
+    alarm: bool
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a measured run says about an actuator.
+
+    `complaints`: what the model cannot explain, empty if it explains the run; then `health` is that of the worst
+    identifiable fault, and else None. `evaluations` of the monitor's FMU, `seconds` of wall time.
+    """
+
+    name: str
+    monitor: str
+    estimates: list[Estimate]
+    complaints: list[str]
+    remarks: list[str]
+    health: float | None
+    verdict: str
+    evaluations: int
+    seconds: float
+    fit: Fit = field(repr=False)
+
+    def estimate(self, fault: str) -> Estimate:
+        return next(item for item in self.estimates if item.fault == fault)
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON: estimates by fault, in SI units."""
+        return {
+            "run": self.name,
+            "monitor": self.monitor,
+            "explained": not self.complaints,
+            "verdict": self.verdict,
+            "health": self.health,
+            "complaints": self.complaints,
+            "remarks": self.remarks,
+            "faults": {item.fault: {k: v for k, v in vars(item).items() if k != "fault"} for item in self.estimates},
+            "evaluations": self.evaluations,
+            "seconds": self.seconds,
+        }
+
+
+def identify(
+    measured: Measured,
+    *,
+    fmus: Path,
+    monitor: Fidelity,
+    parameters: Mapping[str, float] | None = None,
+    limits: Mapping[str, float] | None = None,
+    threshold: float = THRESHOLD,
+    tolerance: float = EXPLAINED,
+) -> Diagnosis:
+    """Identify the faults of `measured` with the fidelity `monitor`; HF, if it is in the folder `fmus`, judges the monitor.
+
+    `parameters` are those of this actuator and its run, `limits` the faults' values at which health is 0. `threshold`: loss
+    of health that alarms; `tolerance`: what may be left unexplained, as a fraction of a channel's range. HarnessError as
+    from Twin.
+    """
+    begun = time.perf_counter()
+    better = FIDELITIES["HF"]
+    given = dict(parameters or {})
+    with Monitor(fmus, monitor, measured, given) as model:
+        if monitor.name != better.name and (fmus / better.fmu).exists():
+            with Monitor(fmus, better, measured, given) as reference:
+                found = fit(model, measured, reference)
+        else:
+            found = fit(model, measured)
+        evaluations = model.evaluations
+    complaints = unexplained(found, measured, tolerance)
+    estimates = estimate(found, limits or {}, threshold if not complaints else math.inf)
+    healths = [item.health for item in estimates if item.health is not None]
+    health = None if complaints or not healths else min(healths)
+    remarks = [] if complaints else _remarks(estimates)
+    verdict = _verdict(estimates, complaints, monitor.name, threshold)
+    seconds = time.perf_counter() - begun
+    return Diagnosis(
+        measured.name, monitor.name, estimates, complaints, remarks, health, verdict, evaluations, seconds, found
+    )
+
+
+def estimate(found: Fit, limits: Mapping[str, float], threshold: float) -> list[Estimate]:
+    """The estimate of each of FAULTS, in their order."""
+    values = faults.to_values(found.z)
+    widths = found.quantile * np.sqrt(np.diag(found.covariance)) * faults.SPAN
+    estimates = []
+    for name, fault in FAULTS.items():
+        if name in ("zeta", "phi"):
+            continue
+        place = faults.COORDINATES.index(name)
+        low = max(values[name] - widths[place], float(faults.LOWEST[place]))
+        high = min(values[name] + widths[place], float(faults.HIGHEST[place]))
+        estimates.append(_judged(fault, (values[name], low, high), float(widths[place]), limits, threshold))
+    zeta, phi = _eccentricity(found, values, limits, threshold)
+    estimates[-1:-1] = [zeta, phi]
+    return estimates
+
+
+def _judged(
+    fault: Fault, interval: tuple[float, float, float], width: float, limits: Mapping[str, float], threshold: float
+) -> Estimate:
+    value, low, high = interval
+    identifiable = width <= IDENTIFIABLE * fault.span
+    reason = (
+        "" if identifiable else f"this run leaves it open by {100.0 * width / fault.span:.0f} % of its range, to each side"
+    )
+    health = fault.health(value, limits.get(fault.name)) if identifiable else None
+    alarm = health is not None and 1.0 - health > threshold and fault.excludes_healthy(low, high)
+    return Estimate(fault.name, fault.unit, value, low, high, identifiable, reason, health, alarm)
+
+
+def _eccentricity(
+    found: Fit, values: Mapping[str, float], limits: Mapping[str, float], threshold: float
+) -> tuple[Estimate, Estimate]:
+    """zeta and phi from the vector's two coordinates, the variance along it and across it."""
+    pair = slice(faults.ZETA[0], faults.ZETA[1] + 1)
+    covariance = found.covariance[pair, pair] * np.outer(faults.SPAN[pair], faults.SPAN[pair])
+    zeta, phi = values["zeta"], values["phi"]
+    along = np.array([math.cos(phi), math.sin(phi)])
+    across = np.array([-along[1], along[0]])
+    width = found.quantile * math.sqrt(along @ covariance @ along)
+    vector = zeta * along
+    some = float(vector @ np.linalg.solve(covariance, vector)) > TWO * (found.quantile / 1.96) ** 2
+    low, high = (zeta - width if some else 0.0), zeta + width
+    first = _judged(FAULTS["zeta"], (zeta, max(low, 0.0), high), width, limits, threshold)
+    turn = found.quantile * math.sqrt(across @ covariance @ across) / max(zeta, 1e-12)
+    reason = ""
+    if not some:
+        reason = "zeta cannot be told from 0"
+    elif turn > IDENTIFIABLE_PHI:
+        reason = f"zeta is so small that phi is open by {turn:.2g} rad"
+    turn = min(turn, math.pi)
+    second = Estimate("phi", "rad", phi, phi - turn, phi + turn, not reason, reason, None, False)
+    return first, second
+
+
+def unexplained(found: Fit, measured: Measured, tolerance: float = EXPLAINED) -> list[str]:
+    """A line for each channel of which more is left than noise, `tolerance` and the monitor's own gap to HF."""
+    lines = []
+    spread = np.ptp(measured.values, axis=0)
+    for place, name in enumerate(measured.channels):
+        share, gap = (float(part[place] / spread[place]) for part in (found.unexplained, found.gap))
+        if share > tolerance + gap:
+            hint = _hint(place, found, measured)
+            lines.append(
+                f"{100.0 * share:.2g} % of the range of {name} ({100.0 * (tolerance + gap):.2g} % can be accepted)"
+                f"{'; ' + hint if hint else ''}"
+            )
+    return lines
+
+
+def _hint(place: int, found: Fit, measured: Measured) -> str:
+    """What a channel that is not explained looks like, if it looks like something."""
+    names = list(measured.channels)
+    data = measured.values[:, place] - measured.values[:, place].mean()
+    models = found.healthy - found.healthy.mean(axis=0)
+    norms = np.linalg.norm(models, axis=0)
+    likeness = (data @ models) / np.maximum(np.linalg.norm(data) * norms, 1e-300)
+    factor = float(data @ models[:, place] / max(norms[place] ** 2, 1e-300))
+    if abs(likeness[place]) > ALIKE:
+        for known, meaning in FACTORS.items():
+            if abs(factor / known - 1.0) < 0.05:
+                return f"it is {factor:.3g} times what the model expects: {meaning}?"
+        return f"it is {factor:.3g} times what the model expects" if abs(factor - 1.0) > 0.05 else ""
+    other = int(np.argmax(np.abs(likeness)))
+    if other != place and abs(likeness[other]) > ALIKE:
+        return f"it looks like {names[other]}: columns interchanged?"
+    return ""
+
+
+def _remarks(estimates: list[Estimate]) -> list[str]:
+    """What else could look like that: faults that the set does not part."""
+    by_name = {item.fault: item for item in estimates}
+    turns = [by_name[name] for name in ("N_a", "N_b", "N_c")]
+    remarks = []
+    if all(item.alarm for item in turns) and max(item.low for item in turns) < min(item.high for item in turns):
+        remarks.append(
+            "all three phases have lost alike: weaker magnets (fault.magnet) or a larger mechanics.J look the same"
+        )
+    friction = by_name["friction"]
+    if friction.alarm and friction.high < 1.0:
+        remarks.append("friction is below that of a healthy actuator: another actuator, or parameters to be set with --set?")
+    return remarks
+
+
+def _verdict(estimates: list[Estimate], complaints: list[str], monitor: str, threshold: float) -> str:
+    if complaints:
+        return f"not explained by {monitor} and these faults: {'; '.join(complaints)}"
+    alarms = [item for item in estimates if item.alarm]
+    open_ones = [item.fault for item in estimates if not item.identifiable and item.fault != "phi"]
+    rest = f"; not identifiable from this run: {', '.join(open_ones)}" if open_ones else ""
+    if not alarms:
+        return f"healthy: no identifiable fault has lost more than {100.0 * threshold:g} % of its health{rest}"
+    told = [
+        f"{item.fault} = {item.value:.4g} (health {item.health:.2f})" for item in sorted(alarms, key=lambda a: a.health or 0)
+    ]
+    return f"faulty: {', '.join(told)}{rest}"
+
+
+def unit_of(channel: str) -> str:
+    """The unit of a measured channel."""
+    return ports.VARIABLES[ports.INDEX[channel]].unit

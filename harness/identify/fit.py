@@ -1,0 +1,161 @@
+"""The search for the faults that explain a measured run best, and the covariance of what was found.
+
+Residuals are weighted by the noise that the data show: first by that of the signals themselves, then by what the best model
+leaves over. A first search starts from the healthy actuator; if a signal is left unexplained, others start from the best of
+a Sobol screen of the whole fault space.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+from scipy.stats import t as student
+
+from harness.identify import faults
+from harness.identify.measured import Measured, noise_of
+from harness.identify.monitor import Monitor
+
+Array = NDArray[np.float64]
+
+STEP = 0.01
+"""Of the finite differences, in spans: wide enough for stiction's kinks, narrow enough for the curvature."""
+PRIOR = 3.0
+"""Standard deviation, in spans, of a pull to healthy: it decides only what the data leave open."""
+FLOOR = 1e-4
+"""Least noise of a channel, as a fraction of its range: no model is better."""
+SMOOTH = 0.01
+"""Window [s] of the mean that parts what a model left unexplained from white noise."""
+EXPLAINED = 0.003
+"""What may be left of a channel beside noise, as a fraction of its range, if the model explains it: three times what HF's
+plant leaves to ELF+ with any of the faults in an unsaturated run, and less than a current sensor's offset of half an ampere
+leaves (ours)."""
+SCREENED, STARTS = 64, 4
+"""Points of the global screen, and how many of them a search starts from at most."""
+BLOCK = 0.05
+"""Length [s] of the blocks whose scores are taken as independent: two electrical periods of a slow run."""
+SEED = 20230612
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What was found.
+
+    `z` scaled coordinates, shape (8,); `covariance` (8, 8) of z; `quantile` of the 95 % intervals; `predicted` and
+    `healthy` (n, n_channels) in the channels' units; `noise` and `unexplained` (n_channels,): the white noise of each
+    channel and the rms of what is left beside it, in the channel's unit; `gap` (n_channels,) as `unexplained`, between the
+    reference and the monitor, or zeros without a reference.
+    """
+
+    z: Array
+    covariance: Array
+    quantile: float
+    predicted: Array = field(repr=False)
+    healthy: Array = field(repr=False)
+    noise: Array
+    unexplained: Array
+    gap: Array
+
+
+def fit(monitor: Monitor, measured: Measured, reference: Monitor | None = None, *, searches: int = STARTS) -> Fit:
+    """Least squares from healthy, and from up to `searches` further starts if that leaves something unexplained.
+
+    `reference`, a better model flown once with the faults found, says how far the monitor's own simplifications may have
+    moved them: the covariance grows by that much.
+    """
+    data, carries = measured.values, measured.carries
+    spread = np.ptp(data, axis=0)
+    noise = np.maximum([noise_of(series) for series in data.T], 1e-3 * spread)
+    healthy = monitor.predict(np.zeros(len(faults.HEALTHY)))
+
+    def residuals(z: Array) -> Array:
+        return (((monitor.predict(z) - data) / noise)[carries]).T.ravel()
+
+    def is_good(z: Array) -> bool:
+        rest = monitor.predict(z) - data
+        return bool(np.all(smooth_rms(rest, measured) < EXPLAINED * spread))
+
+    best = _search(residuals, np.zeros(len(faults.HEALTHY)))
+    if not is_good(best.x):
+        for start in _screen(residuals)[:searches]:
+            found = _search(residuals, start)
+            best = min(best, found, key=lambda result: float(result.cost))
+            if is_good(best.x):
+                break
+    left = (monitor.predict(best.x) - data)[carries]
+    noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), FLOOR * spread)
+    best = _search(residuals, best.x)
+    predicted = monitor.predict(best.x)
+    rest = predicted - data
+    jacobian = best.jac[: -len(best.x)].reshape(len(noise), -1, len(best.x))
+    inverse = np.linalg.inv(best.jac.T @ best.jac)
+    scores = np.einsum("cnk,cn->nk", jacobian, (rest / noise)[carries].T)
+    blocks = _block_sums(scores, measured)
+    few = len(blocks) / max(len(blocks) - len(best.x), 1)
+    covariance = _larger(few * inverse @ blocks.T @ blocks @ inverse, inverse)
+    gap = np.zeros(data.shape)
+    if reference is not None:
+        gap = reference.predict(best.x) - predicted
+        shift = inverse @ np.einsum("cnk,cn->k", jacobian, (gap / noise)[carries].T)
+        covariance += np.diag(shift**2)
+    white = np.array([noise_of(series) for series in rest.T])
+    quantile = float(student.ppf(0.975, max(len(blocks) - len(best.x), 4)))
+    left_over = smooth_rms(rest, measured)
+    return Fit(best.x, covariance, quantile, predicted, healthy, white, left_over, smooth_rms(gap, measured))
+
+
+def smooth_rms(rest: Array, measured: Measured) -> Array:
+    """Rms of the smoothed differences `rest` (n, n_channels) beyond what white noise leaves there, in their units."""
+    width = max(1, round(SMOOTH / float(np.median(np.diff(measured.time)))))
+    smoothed = uniform_filter1d(rest, width, axis=0)[measured.carries]
+    white = np.array([noise_of(series) for series in rest.T]) ** 2 / width
+    return np.sqrt(np.maximum(np.mean(smoothed**2, axis=0) - white, 0.0))
+
+
+def _search(residuals: Callable[[Array], Array], start: Array) -> "least_squares.OptimizeResult":
+    """Bounded least squares (scipy's trust region) from `start`, with the pull to healthy as further rows."""
+    low, high = faults.scaled(faults.LOWEST), faults.scaled(faults.HIGHEST)
+
+    def all_rows(z: Array) -> Array:
+        return np.r_[residuals(z), z / PRIOR]
+
+    def slopes(z: Array) -> Array:
+        here = all_rows(z)
+        columns = []
+        for place in range(len(z)):
+            step = STEP if z[place] + STEP <= high[place] else -STEP
+            there = z.copy()
+            there[place] += step
+            columns.append((all_rows(there) - here) / step)
+        return np.array(columns).T
+
+    inside = np.clip(start, low + 1e-3, high - 1e-3)
+    return least_squares(all_rows, inside, slopes, bounds=(low, high), xtol=1e-5, ftol=1e-6, max_nfev=30)
+
+
+def _screen(residuals: Callable[[Array], Array]) -> list[Array]:
+    """Points of the fault space, the best first; each fault alone at half of its limit, and a Sobol set of all together."""
+    alone = [0.5 * sign * row for row in np.eye(len(faults.HEALTHY)) for sign in (1.0, -1.0)]
+    low, high = np.array([0.0, 0.0, -1.0, -1.0, -1.0, -1.0, -1.0, -0.5]), np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5])
+    together = qmc.scale(qmc.Sobol(len(low), rng=SEED).random(SCREENED), low, high)
+    ends = faults.scaled(faults.LOWEST), faults.scaled(faults.HIGHEST)
+    points = [np.clip(point, *ends) for point in (*alone, *together)]
+    return sorted(points, key=lambda point: float(np.sum(residuals(point) ** 2)))
+
+
+def _block_sums(scores: Array, measured: Measured) -> Array:
+    """Scores summed over blocks of BLOCK seconds: errors within one may hang together as they will."""
+    block = ((measured.time[measured.carries] - measured.time[0]) / BLOCK).astype(int)
+    used, places = np.unique(block, return_inverse=True)
+    sums = np.zeros((len(used), scores.shape[1]))
+    np.add.at(sums, places, scores)
+    return sums
+
+
+def _larger(one: Array, other: Array) -> Array:
+    """Of two covariances that in which each variance is the larger: `one`, scaled up where `other` is wider."""
+    scale = np.sqrt(np.maximum(1.0, np.diag(other) / np.maximum(np.diag(one), 1e-300)))
+    return one * np.outer(scale, scale)
