@@ -20,8 +20,9 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, identify, check, serve, compare, bench, export, reference, ports):
+for command in (build, run, identify, check, serve, compare, export, reference, ports):
     app.command()(command)
+app.add_typer(bench, name="bench")
 
 
 @app.callback()

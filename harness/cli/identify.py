@@ -83,6 +83,7 @@ def _print(found: "Diagnosis") -> None:
         shown.add_column(head, justify="left" if head in ("Fault", "") else "right")
     for row in rows(found):
         shown.add_row(*row)
-    Console().print(shown)
+    if not found.complaints:
+        Console().print(shown)
     for line in (found.verdict, *found.remarks):
         typer.echo(line)

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +31,12 @@ FACTORS = {
     180.0 / math.pi: "degrees instead of rad",
     30.0 / math.pi: "rpm instead of rad/s",
     1000.0: "a thousandth of the unit (mrad, mA)",
-    0.001: "a thousand times the unit",
     -1.0: "the other sign",
 }
 """What a column looks like that is as many times what it should be."""
-ALIKE = 0.99
-"""Correlation from which two curves are taken to be the same quantity."""
+ALIKE, NEAR = 0.9, 1.4
+"""Correlation from which two curves are taken to be the same quantity, and how near a factor must be to a known one: faults
+change a curve too."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,9 @@ def identify(
             found = fit(model, measured)
         evaluations = model.evaluations
     complaints = unexplained(found, measured, tolerance)
-    estimates = estimate(found, limits or {}, threshold if not complaints else math.inf)
+    estimates = estimate(found, limits or {}, threshold)
+    if complaints:
+        estimates = [replace(item, health=None, alarm=False) for item in estimates]
     healths = [item.health for item in estimates if item.health is not None]
     health = None if complaints or not healths else min(healths)
     remarks = [] if complaints else _remarks(estimates)
@@ -206,19 +208,36 @@ def unexplained(found: Fit, measured: Measured, tolerance: float = EXPLAINED) ->
 def _hint(place: int, found: Fit, measured: Measured) -> str:
     """What a channel that is not explained looks like, if it looks like something."""
     names = list(measured.channels)
-    data = measured.values[:, place] - measured.values[:, place].mean()
-    models = found.healthy - found.healthy.mean(axis=0)
-    norms = np.linalg.norm(models, axis=0)
-    likeness = (data @ models) / np.maximum(np.linalg.norm(data) * norms, 1e-300)
-    factor = float(data @ models[:, place] / max(norms[place] ** 2, 1e-300))
-    if abs(likeness[place]) > ALIKE:
-        for known, meaning in FACTORS.items():
-            if abs(factor / known - 1.0) < 0.05:
-                return f"it is {factor:.3g} times what the model expects: {meaning}?"
-        return f"it is {factor:.3g} times what the model expects" if abs(factor - 1.0) > 0.05 else ""
-    other = int(np.argmax(np.abs(likeness)))
-    if other != place and abs(likeness[other]) > ALIKE:
+    data = measured.values[:, place]
+    if names[place] == "position":
+        command = np.interp(measured.time, measured.trial.time, measured.trial.inputs["command"])
+        if meaning := _meaning(data, command, "the command"):
+            return meaning
+    if meaning := _meaning(data, found.healthy[:, place], "what the model expects"):
+        return meaning
+    likeness = [abs(_likeness(data, model)) for model in found.healthy.T]
+    other = int(np.argmax(likeness))
+    if likeness[other] > ALIKE and likeness[other] > likeness[place] + 0.1:
         return f"it looks like {names[other]}: columns interchanged?"
+    return ""
+
+
+def _likeness(one: Array, other: Array) -> float:
+    a, b = one - one.mean(), other - other.mean()
+    return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-300))
+
+
+def _meaning(data: Array, expected: Array, what: str) -> str:
+    """What it means if `data` is one of FACTORS times what was `expected`, or one of them divides it; else nothing."""
+    likeness = _likeness(data, expected)
+    if abs(likeness) < ALIKE:
+        return ""
+    factor = likeness * float(np.std(data) / np.std(expected))
+    for known, meaning in FACTORS.items():
+        if 1.0 / NEAR < factor / known < NEAR:
+            return f"it is {factor:.3g} times {what}: {meaning}?"
+        if known > 1.0 and 1.0 / NEAR < factor * known < NEAR:
+            return f"it is {factor:.3g} times {what}: is that in {meaning}?"
     return ""
 
 

@@ -28,6 +28,8 @@ JUMP = 8.0
 """A change of the command between two rows that is as many times its neighbours' is a jump, not a slope."""
 START = 0.01
 """Of a run [s], whose rows give the state at its start."""
+REST = 0.02
+"""A run starts at rest if it is as near to its command, and its speed to zero, as this fraction of their ranges."""
 SETTLE = 0.2
 """Of a run that starts in motion [s]: left out, as the speed loop's integral at its start is not measured."""
 STUCK = 0.02

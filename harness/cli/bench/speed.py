@@ -1,10 +1,11 @@
-"""`ema bench`."""
+"""`ema bench`, `ema bench speed`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from harness.cli.bench.tables import check_table, show
 from harness.cli.build import build_missing
 from harness.cli.options import FmuDir, JsonFile
 from harness.errors import HarnessError
@@ -21,7 +22,7 @@ COUNTED = ("ELF+", "LF")
 """Fidelities whose master's overhead is shown."""
 
 
-def bench(
+def speed(
     trials: Annotated[list[str] | None, typer.Argument(metavar="[TRIAL ...]", help="All six if none is named.")] = None,
     repeats: Annotated[int, typer.Option(metavar="N", help="Runs of which the median is taken.")] = 5,
     peers: Annotated[bool, typer.Option("--peers/--no-peers", help="Also those of the extra [bench].")] = True,
@@ -35,7 +36,8 @@ def bench(
     import sys
 
     from harness import results
-    from harness.bench import overhead, speed
+    from harness.bench import overhead
+    from harness.bench import speed as timing
     from harness.bench.page import page
     from harness.bench.peers import measure as measure_peers
     from harness.fidelity import FIDELITIES, FMU_DIR
@@ -50,20 +52,20 @@ def bench(
             results.prepare_file(path)
     build_missing(list(FIDELITIES.values()), folder, own=fmus is None)
     measured = _with_progress(
-        lambda told: speed.measure(folder, names, repeats=repeats, on_run=told), speed.plan(names, repeats)
+        lambda told: timing.measure(folder, names, repeats=repeats, on_run=told), timing.plan(names, repeats)
     )
     added = [overhead.measure(folder, name) for name in COUNTED]
     beside = measure_peers() if peers else []
-    found = [*speed.checks(measured), *map(_overhead_check, added)]
+    found = [*timing.checks(measured), *map(_overhead_check, added)]
     tables = [
         _speed_table(measured),
         _changed_table(measured),
         _overhead_table(added),
         _peer_table(beside),
-        _check_table(found),
+        check_table(found),
     ]
     for table in tables:
-        _print(table)
+        show(table)
     if out:
         results.write(out / "bench.html", page(tables, measured, shlex.join(["ema", *sys.argv[1:]])))
         typer.echo(f"page: {out / 'bench.html'}")
@@ -132,28 +134,3 @@ def _peer_table(peers: "list[Peer]") -> "Table":
         (peer.name, f"{peer.wall:.3g}" if peer.wall else "-", peer.computes, peer.lacks) for peer in peers
     ]
     return "Peers, wall seconds per simulated second", ("Peer", "wall s / s", "computes", "does not"), rows
-
-
-def _check_table(checks: "list[Check]") -> "Table":
-    rows: list[tuple[str, ...]] = []
-    for check in checks:
-        asked = f"{'>=' if check.at_least else '<='} {check.limit:.4g}"
-        rows.append((check.what, f"{check.value:.4g}", asked, "met" if check.met else "NOT met"))
-    met = sum(check.met for check in checks)
-    return f"Limits that this project sets itself: {met} of {len(checks)} met", ("Figure", "found", "asked", ""), rows
-
-
-def _print(table: "Table") -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table as Shown
-
-    caption, heads, rows = table
-    if not rows:
-        return
-    shown = Shown(title=caption)
-    for head in heads:
-        shown.add_column(head)
-    for row in rows:
-        shown.add_row(*map(escape, row))
-    Console().print(shown)

@@ -1,0 +1,144 @@
+"""`ema bench identify`."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harness.cli.bench.tables import check_table, show
+from harness.cli.build import build_missing
+from harness.cli.options import FmuDir
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from harness.bench.identify import Evolved, Identified
+    from harness.bench.page import Table
+
+
+def identify(
+    cases: Annotated[int, typer.Option(metavar="N", help="Faulted cases, each with single or combined faults.")] = 60,
+    healthy: Annotated[int, typer.Option(metavar="N", help="Healthy cases.")] = 20,
+    evolution: Annotated[int, typer.Option(metavar="N", help="Cases also given to differential evolution.")] = 6,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Rows a second of the measurements.")] = 10000.0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the faults and the noise.")] = 1,
+    workers: Annotated[int, typer.Option(metavar="N", help="Processes of one thread; 0: one a core.")] = 0,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write every case as JSON.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench_identify.html.")] = None,
+    fmus: FmuDir = None,
+) -> None:
+    """Put `ema identify` to the test: HF as the plant with known faults and noise, ELF+ and LF as monitors."""
+    import json
+    import shlex
+    import sys
+
+    from rich.console import Console
+    from rich.progress import track
+
+    from harness import results
+    from harness.bench import identify as benching
+    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.page import document, origin
+    from harness.page import table as as_html
+
+    if cases < 1 or healthy < 0 or not 0 <= evolution <= cases:
+        raise HarnessError(
+            "--cases of 1 or more, --healthy of 0 or more, --evolution of 0 to the number of cases are needed"
+        )
+    if round(10000.0 / rate if rate > 0.0 else 0.0) not in range(1, 21) or abs(10000.0 / rate % 1.0) > 1e-9:
+        raise HarnessError(f"--rate {rate:g}: 10000 Hz over a whole number, 500 Hz or more, is needed")
+    for path in (out / "bench_identify.html" if out else None, json_file):
+        if path:
+            results.prepare_file(path)
+    folder = fmus or FMU_DIR
+    build_missing(list(FIDELITIES.values()), folder, own=fmus is None)
+    steps = iter(track(range(cases + healthy + evolution), "identifying", console=Console(stderr=True), transient=True))
+    found, others = benching.run(
+        folder,
+        count=cases,
+        healthy=healthy,
+        evolved=evolution,
+        seed=seed,
+        rate=rate,
+        workers=workers or os.cpu_count() or 1,
+        on_case=lambda: next(steps, None),
+    )
+    listed = benching.checks(found, others)
+    tables = [*(_fault_table(found, monitor) for monitor in benching.MONITORS), _case_table(found), _evolution_table(others)]
+    tables = [table for table in (*tables, check_table(listed)) if table[2]]
+    for table in tables:
+        show(table)
+    if json_file:
+        results.write(json_file, json.dumps(benching.as_dict(found, others, listed), indent=1) + "\n")
+    if out:
+        body = "<h1>Identification, measured</h1>" + "".join(as_html(*table) for table in tables)
+        command = shlex.join(["ema", *sys.argv[1:]])
+        results.write(out / "bench_identify.html", document("EMA twins: identification, measured", body + origin(command)))
+        typer.echo(f"page: {out / 'bench_identify.html'}")
+
+
+def _fault_table(found: "list[Identified]", monitor: str) -> "Table":
+    import numpy as np
+
+    from harness.bench.identify import of
+    from harness.identify.faults import FAULTS
+
+    rows: list[tuple[str, ...]] = []
+    for fault in FAULTS:
+        outcomes = of(found, monitor, fault)
+        known = [out for out in outcomes if out.identifiable]
+        errors = [100.0 * out.error for out in known] or [float("nan")]
+        covered = f"{100.0 * sum(out.covered for out in known) / len(known):.0f} %" if known else "-"
+        rows.append(
+            (
+                fault,
+                f"{len(known)} of {len(outcomes)}",
+                f"{np.median(errors):.3f} %",
+                f"{np.percentile(errors, 95):.3f} %",
+                f"{max(errors):.3f} %",
+                covered,
+                str(sum(out.missed for out in outcomes)),
+                str(sum(out.false_alarm for out in outcomes)),
+            )
+        )
+    heads = ("Fault", "identifiable", "median error", "95th percentile", "largest", "covered", "misses", "false alarms")
+    return f"{monitor}: errors as part of each fault's range, where identifiable", heads, rows
+
+
+def _case_table(found: "list[Identified]") -> "Table":
+    import numpy as np
+
+    from harness.bench.identify import MONITORS
+
+    rows: list[tuple[str, ...]] = []
+    for monitor in MONITORS:
+        mine = [item for item in found if item.monitor == monitor]
+        sound = [item for item in mine if not item.case.truth]
+        seconds, evaluations = [item.seconds for item in mine], [item.evaluations for item in mine]
+        alarmed = sum(any(out.alarm for out in item.outcomes) for item in sound)
+        rows.append(
+            (
+                monitor,
+                f"{np.median(seconds):.2f}, {max(seconds):.2f}",
+                f"{np.median(evaluations):.0f}, {max(evaluations)}",
+                f"{alarmed} of {len(sound)}",
+                f"{sum(not item.explained for item in mine)} of {len(mine)}",
+            )
+        )
+    heads = ("Monitor", "s a case: median, most", "evaluations: median, most", "healthy runs alarmed", "not explained")
+    return "A case on one core", heads, rows
+
+
+def _evolution_table(others: "list[Evolved]") -> "Table":
+    rows: list[tuple[str, ...]] = [
+        (
+            str(item.case),
+            item.trial,
+            str(item.least_squares),
+            f"{'' if item.reached else 'not in '}{item.evaluations}",
+            f"{'' if item.reached else '> '}{item.evaluations / item.least_squares:.0f}",
+        )
+        for item in others
+    ]
+    heads = ("Case", "Trial", "least squares", "differential evolution", "ratio")
+    return "Evaluations of ELF+ until the sum of squares is that of the least squares, within 0.5 %", heads, rows
