@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,37 +19,64 @@ def read_columns(
     Columns that are neither required nor optional are refused, or left out with `others`. HarnessError, with line and
     column, for anything that is not a row of finite numbers with increasing times.
     """
-    lines = _lines(path)
     wanted = (*required, *optional)
-    if not lines:
-        raise HarnessError(f"{path}: the file is empty; a header '{','.join(required)}' and rows of numbers are needed")
-    header = [name.strip() for name in lines[0]]
+    header, rows = _table(path, required)
     for name in required:
         if name not in header:
             raise HarnessError(f"{path}, line 1: no column '{name}', found: {', '.join(header)}")
     for name in header:
         if name not in wanted and not others:
             raise unknown(f"column in {path}, line 1:", name, wanted)
-        if name in wanted and header.count(name) > 1:
-            raise HarnessError(f"{path}, line 1: column '{name}' is there twice")
     kept = [column for column, name in enumerate(header) if name in wanted]
-    clock = header.index(required[0])
-    rows: list[list[float]] = []
+    _refuse_twice(path, [header[column] for column in kept])
+    clock = kept.index(header.index(required[0]))
+    numbers: list[list[float]] = []
     before = -math.inf
-    for number, row in enumerate(lines[1:], start=2):
-        if len(row) < 2 and not "".join(row).strip():
-            continue
-        if len(row) != len(header):
-            raise HarnessError(f"{path}, line {number}: {len(row)} values, but the header has {len(header)} columns")
-        values = [_number(path, number, header[column], row[column]) for column in kept]
-        now = values[kept.index(clock)]
-        if now <= before:
-            raise HarnessError(f"{path}, line {number}: time {now:g} s does not come after {before:g} s of the row before")
-        before = now
-        rows.append(values)
-    if len(rows) < 2:
-        raise HarnessError(f"{path}: {len(rows)} row(s) of numbers; at least two are needed")
-    return dict(zip([header[column] for column in kept], np.array(rows).T, strict=True))
+    for line, row in rows:
+        values = [_number(path, line, header[column], row[column]) for column in kept]
+        if values[clock] <= before:
+            raise HarnessError(
+                f"{path}, line {line}: time {values[clock]:g} s does not come after {before:g} s of the row before"
+            )
+        before = values[clock]
+        numbers.append(values)
+    if len(numbers) < 2:
+        raise HarnessError(f"{path}: {len(numbers)} row(s) of numbers; at least two are needed")
+    return dict(zip([header[column] for column in kept], np.array(numbers).T, strict=True))
+
+
+def read_numbers(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Every column of `path` by name, each of shape (n_rows,), n_rows >= 1; HarnessError as for `read_columns`."""
+    header, rows = _table(path, ("NAME", "..."))
+    _refuse_twice(path, header)
+    numbers = [[_number(path, line, name, cell) for name, cell in zip(header, row, strict=True)] for line, row in rows]
+    if not numbers:
+        raise HarnessError(f"{path}: no row of numbers; at least one is needed")
+    return dict(zip(header, np.array(numbers).T, strict=True))
+
+
+def _table(path: Path, example: Sequence[str]) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    """The header, and the rows that are not blank with their line numbers, each as long as the header."""
+    lines = _lines(path)
+    if not lines:
+        raise HarnessError(f"{path}: the file is empty; a header '{','.join(example)}' and rows of numbers are needed")
+    header = [name.strip() for name in lines[0]]
+
+    def rows() -> Iterator[tuple[int, list[str]]]:
+        for number, row in enumerate(lines[1:], start=2):
+            if len(row) < 2 and not "".join(row).strip():
+                continue
+            if len(row) != len(header):
+                raise HarnessError(f"{path}, line {number}: {len(row)} values, but the header has {len(header)} columns")
+            yield number, row
+
+    return header, rows()
+
+
+def _refuse_twice(path: Path, names: Sequence[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise HarnessError(f"{path}, line 1: column '{name}' is there twice")
 
 
 def _lines(path: Path) -> list[list[str]]:

@@ -66,10 +66,12 @@ class Twin(Component):
         outputs: Sequence[ports.Variable],
         *,
         on_progress: Callable[[int], None] | None = None,
+        into: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], float]:
         """As `run`, but only some outputs (Reals first, then Booleans), as they come from the master, and the wall time [s].
 
-        The outputs have the shape (n_steps + 1, len(outputs)). For many runs: it costs what the master costs.
+        The outputs have the shape (n_steps + 1, len(outputs)); they are written into `into`, if it is given. For many runs:
+        it costs what the master costs.
         """
         inputs = _held(trial, parameters) | trial.inputs
         fixed = {name: value for name, value in parameters.items() if name not in HELD}
@@ -85,6 +87,7 @@ class Twin(Component):
                     real=self._references(reals), boolean=self._references([port for port in outputs if port not in reals])
                 ),
                 on_progress=on_progress,
+                into=into,
             )
         except (FMICallException, master.StepFailed) as error:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {self.told() or error}") from None

@@ -134,10 +134,10 @@ def run_case(case: Case, fmus: Path, rate: float) -> list[Identified]:
             fault = FAULTS[item.fault]
             off = item.value - truth[item.fault]
             span = fault.span
-            covered = item.low <= truth[item.fault] <= item.high
+            covered = bool(item.low <= truth[item.fault] <= item.high)
             if item.fault == "phi":
                 off = (off + math.pi) % (2.0 * math.pi) - math.pi
-                covered = abs(off) <= 0.5 * (item.high - item.low)
+                covered = bool(abs(off) <= 0.5 * (item.high - item.low))
                 off, span = off * truth["zeta"], FAULTS["zeta"].span
             lost = 1.0 - fault.health(truth[item.fault])
             outcomes.append(

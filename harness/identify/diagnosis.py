@@ -24,7 +24,7 @@ THRESHOLD = 0.05
 IDENTIFIABLE = 0.10
 """Half width of a 95 % interval, in spans, up to which a run is said to identify a fault."""
 IDENTIFIABLE_PHI = 0.5
-"""The same for phi [rad]."""
+"""The same for phi [rad]; and times zeta, as a part of zeta's span, IDENTIFIABLE."""
 TWO = 5.991
 """95 % quantile of chi-squared with two degrees of freedom: the eccentricity has two coordinates."""
 FACTORS = {
@@ -138,7 +138,7 @@ def identify(
 def estimate(found: Fit, limits: Mapping[str, float], threshold: float) -> list[Estimate]:
     """The estimate of each of FAULTS, in their order."""
     values = faults.to_values(found.z)
-    widths = found.quantile * np.sqrt(np.diag(found.covariance)) * faults.SPAN
+    widths = (found.quantile * np.sqrt(np.diag(found.covariance)) * faults.SPAN).tolist()
     estimates = []
     for name, fault in FAULTS.items():
         if name in ("zeta", "phi"):
@@ -146,7 +146,7 @@ def estimate(found: Fit, limits: Mapping[str, float], threshold: float) -> list[
         place = faults.COORDINATES.index(name)
         low = max(values[name] - widths[place], float(faults.LOWEST[place]))
         high = min(values[name] + widths[place], float(faults.HIGHEST[place]))
-        estimates.append(_judged(fault, (values[name], low, high), float(widths[place]), limits, threshold))
+        estimates.append(_judged(fault, (values[name], low, high), widths[place], limits, threshold))
     zeta, phi = _eccentricity(found, values, limits, threshold)
     estimates[-1:-1] = [zeta, phi]
     return estimates
@@ -183,8 +183,8 @@ def _eccentricity(
     reason = ""
     if not some:
         reason = "zeta cannot be told from 0"
-    elif turn > IDENTIFIABLE_PHI:
-        reason = f"zeta is so small that phi is open by {turn:.2g} rad"
+    elif turn > IDENTIFIABLE_PHI or zeta * turn > IDENTIFIABLE * FAULTS["zeta"].span:
+        reason = f"this run leaves it open by {turn:.2g} rad, to each side"
     turn = min(turn, math.pi)
     second = Estimate("phi", "rad", phi, phi - turn, phi + turn, not reason, reason, None, False)
     return first, second

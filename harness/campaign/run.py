@@ -1,0 +1,193 @@
+"""A campaign on Dask: batches in flight, a bounded number of them, written as they come."""
+
+import contextlib
+import logging
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
+from dataclasses import dataclass
+from pathlib import Path
+
+import dask
+import numpy as np
+from distributed import Client, LocalCluster, as_completed
+from distributed.client import Future
+from distributed.scheduler import KilledWorker
+
+from ema_fmu_src import __version__
+from harness import archive
+from harness.campaign.features import names as feature_names
+from harness.campaign.plan import Plan
+from harness.campaign.store import Store
+from harness.campaign.worker import Batch, Result, fly, prepare
+from harness.errors import HarnessError
+
+AHEAD = 2
+"""Batches in flight for each thread: one at work, one waiting; so memory does not grow with the number of cases."""
+KEEP_MEMORY = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")} | {
+    "MALLOC_TRIM_THRESHOLD_": str(2**28),
+    "MALLOC_MMAP_THRESHOLD_": str(2**25),
+}
+"""Of this machine's workers. Dask's default gives freed memory back at once, which costs a tenth of a run of ELF+."""
+PATIENCE = 30.0
+"""Seconds until a cluster without workers is given up."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What was done: cases flown now and found done; number and reason of those that failed; `wall` seconds from the first
+    batch to the last write, `fmu_seconds` inside the FMUs, `threads` of the workers."""
+
+    cases: int
+    before: int
+    failures: list[tuple[int, str]]
+    wall: float
+    fmu_seconds: float
+    threads: int
+
+
+@contextlib.contextmanager
+def cluster(scheduler: str | None, workers: int) -> Iterator[Client]:
+    """A client of the Dask scheduler at an address, or of `workers` processes of one thread on this machine."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    if scheduler:
+        try:
+            client = Client(scheduler, timeout=PATIENCE / 3.0, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise HarnessError(f"--scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
+        with client:
+            yield client
+        return
+    settings = {"distributed.worker.profile.enabled": False, "distributed.nanny.pre-spawn-environ": KEEP_MEMORY}
+    with (
+        dask.config.set(settings),
+        tempfile.TemporaryDirectory(prefix="ema_dask_") as folder,
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+            local_directory=folder,
+        ) as local,
+        Client(local, set_as_default=False, direct_to_workers=True) as client,
+    ):
+        yield client
+
+
+def run(
+    plan: Plan,
+    client: Client,
+    *,
+    fmus: Path,
+    out: Path,
+    on_start: Callable[[int, int], None] = lambda total, done: None,
+    on_cases: Callable[[int], None] = lambda cases: None,
+) -> Flown:
+    """Fly what is still to be flown of `plan` into the folder `out`; FMUs from the folder `fmus`.
+
+    `on_start(cases, done)` is called once, `on_cases(cases)` after each batch. HarnessError if the folder holds another
+    campaign, or if the cluster has no workers.
+    """
+    contents = {name: (fmus / name).read_bytes() for name in sorted({fidelity.fmu for fidelity in plan.fidelities})}
+    hashes = {name: archive.content_hash(fmus / name) for name in contents}
+    store = Store(out, plan, hashes)
+    waiting = store.batches()
+    open_cases = sum(len(cases) for cases in waiting)
+    on_start(len(store.table), len(store.table) - open_cases)
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise HarnessError(
+            f"the Dask cluster has no workers after {PATIENCE:g} s; start some, or leave out --scheduler"
+        ) from None
+    sent = {name: (hashes[name], content) for name, content in contents.items()}
+    if waiting:
+        _prepare(client, _batch(plan, store, waiting[0][:1], sent))
+    threads = sum(client.nthreads().values())
+    begun, fmu_seconds = time.perf_counter(), 0.0
+    flying: dict[Future, range] = {}
+    queue = iter(waiting)
+    finished = as_completed(loop=client.loop)
+
+    def submit() -> None:
+        cases = next(queue, None)
+        if cases is not None:
+            future = client.submit(fly, _batch(plan, store, cases, sent), pure=False, retries=2)
+            flying[future] = cases
+            finished.add(future)
+
+    for _ in range(AHEAD * threads):
+        submit()
+    for future in finished:
+        cases = flying.pop(future)
+        result = _result(client, future, plan, store, cases, sent)
+        submit()
+        store.write(cases, result)
+        fmu_seconds += result.fmu_seconds
+        on_cases(len(cases))
+    wall = time.perf_counter() - begun
+    return Flown(open_cases, len(store.table) - open_cases, store.finish(), wall, fmu_seconds, threads)
+
+
+def _prepare(client: Client, first: Batch) -> None:
+    """Let every worker load libraries and compiled code, and see that it is the release that runs here."""
+    try:
+        releases = client.run(prepare, first)
+    except ImportError as error:
+        raise HarnessError(f"the workers need ema-twins {__version__}, as here: {error}") from None
+    for address, found in releases.items():
+        if found != __version__:
+            raise HarnessError(f"worker {address} has ema-twins {found}, here it is {__version__}; they have to be the same")
+
+
+def _batch(plan: Plan, store: Store, cases: range, sent: dict[str, tuple[str, bytes]]) -> Batch:
+    table = store.table
+    return Batch(
+        cases=tuple(cases),
+        trial=tuple(table.trial[cases.start : cases.stop].tolist()),
+        fidelity=tuple(table.fidelity[cases.start : cases.stop].tolist()),
+        parameters=tuple(table.parameters(case) for case in cases),
+        trials=plan.trials,
+        fidelities=plan.fidelities,
+        fmus=sent,
+        outputs=plan.outputs,
+        noise=plan.noise,
+        every=plan.every,
+        seed=plan.seed,
+    )
+
+
+def _result(
+    client: Client, future: Future, plan: Plan, store: Store, cases: range, sent: dict[str, tuple[str, bytes]]
+) -> Result:
+    """A batch's result; if it has ended its workers again and again, each case alone, so that one costs no other."""
+    try:
+        result: Result = future.result()
+        return result
+    except KilledWorker:
+        pass
+    except (ImportError, AttributeError) as error:
+        raise HarnessError(
+            f"the workers cannot fly: {error}; they need the ema-twins {__version__} that runs here"
+        ) from None
+    except (CancelledError, OSError) as error:
+        raise HarnessError(f"the Dask cluster has gone: {error}; what is done is kept, the same command goes on") from None
+    parts = []
+    for case in cases:
+        alone = _batch(plan, store, range(case, case + 1), sent)
+        try:
+            parts.append(client.submit(fly, alone, pure=False).result())
+        except KilledWorker:
+            blank = np.full((1, len(plan.outputs), len(plan.time)), np.nan, dtype=np.float32)
+            width = len(feature_names(plan.outputs))
+            parts.append(
+                Result(blank, np.full((1, width), np.nan), ["the worker's process ended each time it was flown"], 0.0)
+            )
+    return Result(
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.features for part in parts]),
+        [reason for part in parts for reason in part.failures],
+        sum(part.fmu_seconds for part in parts),
+    )

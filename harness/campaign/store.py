@@ -1,0 +1,164 @@
+"""The campaign's dataset on disk: a Zarr store that plain xarray opens, filled batch by batch, and features as Parquet.
+
+A batch is written as whole chunks; its chunk of `done` comes last, so that a batch that was cut off is flown again.
+"""
+
+import json
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import xarray as xr
+import zarr
+
+from ema_fmu_src import __version__, ports
+from harness.campaign import features
+from harness.campaign.plan import Plan
+from harness.campaign.worker import Result
+from harness.errors import HarnessError
+
+BATCH = 64
+"""Cases a batch, and a chunk."""
+REASON = 200
+"""Characters kept of the reason why a case failed."""
+STORE, FEATURES = "campaign.zarr", "features.parquet"
+
+
+class Store:
+    """The dataset of a plan in a folder, made anew or taken up where it was left.
+
+    HarnessError if that of another plan is there.
+    """
+
+    def __init__(self, folder: Path, plan: Plan, fmus: Mapping[str, str]) -> None:
+        self.path = folder / STORE
+        self._features = folder / FEATURES
+        self.plan, self.table = plan, plan.table()
+        digest = plan.digest(fmus)
+        if self.path.exists():
+            group = self._opened(digest)
+        else:
+            self._create(digest, fmus)
+            group = zarr.open_group(self.path, mode="r+")
+        self._arrays: dict[str, Any] = dict(group.arrays())
+
+    def _opened(self, digest: str) -> zarr.Group:
+        try:
+            group = zarr.open_group(self.path, mode="r+")
+            held = group.attrs.get("campaign_sha256")
+        except Exception as error:  # noqa: BLE001 - zarr raises whatever its codecs and stores raise
+            raise HarnessError(f"{self.path}: cannot be opened: {error}; delete it or choose another --out") from None
+        if held != digest:
+            raise HarnessError(
+                f"{self.path}: holds another campaign (other cases, seed, FMUs or outputs); choose another --out"
+            )
+        return group
+
+    def _create(self, digest: str, fmus: Mapping[str, str]) -> None:
+        """The empty store, under another name until it is whole."""
+        made = self.path.with_suffix(".new")
+        dataset = _empty(self.plan, digest, fmus)
+        encoding: dict[Any, Any] = {name: {"chunks": _chunks(variable)} for name, variable in dataset.variables.items()}
+        try:
+            dataset.to_zarr(made, mode="w", encoding=encoding, zarr_format=2, consolidated=True)
+            made.rename(self.path)
+        except OSError as error:
+            raise HarnessError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def batches(self) -> list[range]:
+        """The cases of each batch that is still to be flown."""
+        done = np.asarray(self._arrays["done"][:])
+        count = len(self.table)
+        whole = [range(first, min(first + BATCH, count)) for first in range(0, count, BATCH)]
+        return [cases for cases in whole if not done[cases.start]]
+
+    def write(self, cases: range, result: Result) -> None:
+        """A batch's results; it counts as done when all of it is there."""
+        rows = slice(cases.start, cases.stop)
+        for place, name in enumerate(self.plan.outputs):
+            self._arrays[name][rows] = result.values[:, place]
+        self._arrays["features"][rows] = result.features
+        self._arrays["failure"][rows] = np.array([reason[:REASON] for reason in result.failures], dtype=f"<U{REASON}")
+        self._arrays["done"][rows] = True
+
+    def finish(self) -> list[tuple[int, str]]:
+        """Write the features as Parquet; number and reason of each case that failed."""
+        dataset = xr.open_zarr(self.path)
+        columns: dict[str, Any] = {"case": dataset["case"].values}
+        columns |= {name: dataset[name].values for name in ("trial", "fidelity", *self.table.names, "failure")}
+        values = dataset["features"].values
+        columns |= {str(name): values[:, place] for place, name in enumerate(dataset["feature"].values)}
+        table = pa.table(columns).replace_schema_metadata({"campaign_sha256": dataset.attrs["campaign_sha256"]})
+        made = self._features.with_suffix(".new")
+        pq.write_table(table, made)
+        made.replace(self._features)
+        reasons = dataset["failure"].values
+        return [(int(case), str(reasons[case])) for case in np.flatnonzero(reasons != "")]
+
+
+def _empty(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
+    table = plan.table()
+    count = len(table)
+    data: dict[str, Any] = {}
+    for name in plan.outputs:
+        port = ports.VARIABLES[ports.INDEX[name]]
+        empty = (
+            np.full((count, len(plan.time)), np.nan, dtype=np.float32) if count <= BATCH else _lazy(count, len(plan.time))
+        )
+        data[name] = (("case", "time"), empty, {"units": port.unit, "long_name": port.description})
+    found = features.names(plan.outputs)
+    data["features"] = (("case", "feature"), np.full((count, len(found)), np.nan))
+    data["failure"] = ("case", np.full(count, "", dtype=f"<U{REASON}"), {"long_name": "Why the case failed; empty if not"})
+    data["done"] = ("case", np.zeros(count, dtype=bool), {"long_name": "Whether the case has been flown"})
+    coordinates: dict[str, Any] = {
+        "case": np.arange(count),
+        "time": ("time", plan.time, {"units": "s"}),
+        "feature": np.array(found),
+        "trial": ("case", np.array([flown.name for flown in plan.trials])[table.trial]),
+        "fidelity": ("case", np.array([fidelity.name for fidelity in plan.fidelities])[table.fidelity]),
+    }
+    for name, series in _parameters(plan).items():
+        variable = ports.VARIABLES[ports.INDEX[name]]
+        coordinates[name] = ("case", series, {"units": variable.unit, "long_name": variable.description})
+    attributes = {
+        "campaign_sha256": digest,
+        "fmu_sha256": json.dumps(dict(sorted(fmus.items()))),
+        "seed": plan.seed,
+        "noise": json.dumps({name: vars(noise) for name, noise in plan.noise.items()}),
+        "versions": json.dumps({"ema-twins": __version__} | {name: version(name) for name in ("fmpy", "numpy", "scipy")}),
+    }
+    return xr.Dataset(data, coords=coordinates, attrs=attributes)
+
+
+def _lazy(count: int, times: int) -> Any:
+    """An array of NaN that takes no memory."""
+    return np.broadcast_to(np.float32(np.nan), (count, times))
+
+
+def _parameters(plan: Plan) -> dict[str, np.ndarray]:
+    """Every parameter's value in every case, and the inputs that are held; a fidelity's own defaults where none is given."""
+    table = plan.table()
+    models = [fidelity.fmu.removeprefix("EMA_").removesuffix(".fmu") for fidelity in plan.fidelities]
+    held = [port for port in ports.INPUTS if port.name in table.names]
+    values = {}
+    for variable in (*ports.PARAMETERS, *held):
+        if variable.name in table.names:
+            series = table.values[:, table.names.index(variable.name)]
+        else:
+            series = np.array([variable.start_for(model) for model in models])[table.fidelity]
+        for place, fidelity in enumerate(plan.fidelities):
+            if variable.name in fidelity.parameters:
+                series = np.where(table.fidelity == place, fidelity.parameters[variable.name], series)
+        values[variable.name] = series
+    return values
+
+
+def _chunks(variable: xr.Variable) -> tuple[int, ...]:
+    """A batch a chunk where the cases are filled one batch after another; else all in one."""
+    filled = variable.dims[:1] == ("case",) and (variable.ndim == 2 or variable.dtype.kind in "Ub")
+    sizes = [max(1, size) for size in variable.shape]
+    return (min(BATCH, sizes[0]), *sizes[1:]) if filled else tuple(sizes)

@@ -1,0 +1,128 @@
+"""`ema campaign`."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from harness.cli.build import build_missing
+from harness.cli.options import FmuDir, Settings, TrialFile, required_extra
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from harness.campaign.plan import Plan
+    from harness.campaign.run import Flown
+
+
+def campaign(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[CAMPAIGN.toml]", help="The plan; options take precedence.")
+    ] = None,
+    trials: Annotated[str | None, typer.Option("--trials", metavar="LIST", help="By commas; SIN if none is given.")] = None,
+    trial_file: TrialFile = None,
+    fidelities: Annotated[str | None, typer.Option("--fidelities", metavar="LIST", help="By commas; ELF+.")] = None,
+    ranges: Annotated[
+        list[str] | None, typer.Option("--range", metavar="NAME=LOW:HIGH", help="Sampled; may be given several times.")
+    ] = None,
+    grid: Annotated[
+        list[str] | None, typer.Option("--grid", metavar="NAME=A,B,...", help="All combinations; several times.")
+    ] = None,
+    cases: Annotated[
+        Path | None, typer.Option("--cases", metavar="FILE.csv", help="A case a row, parameters as columns.")
+    ] = None,
+    settings: Settings = None,
+    samples: Annotated[int | None, typer.Option("--samples", metavar="N", help="Of the ranges.")] = None,
+    sampling: Annotated[
+        str | None, typer.Option("--sampling", metavar="lhs|sobol", help="Latin hypercube or Sobol.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Of samples and noise.")] = None,
+    noise: Annotated[
+        list[str] | None,
+        typer.Option("--noise", metavar="OUTPUT=SIGMA", help="In its unit, or '1 %' of its range; several times."),
+    ] = None,
+    outputs: Annotated[str | None, typer.Option("--outputs", metavar="LIST", help="To keep, by commas.")] = None,
+    rate: Annotated[float | None, typer.Option("--rate", metavar="HZ", help="Of what is kept; 500.")] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the dataset; the same folder goes on.")] = Path(
+        "campaign"
+    ),
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, such as tcp://10.0.0.1:8786.")
+    ] = None,
+    workers: Annotated[int, typer.Option(metavar="N", help="Processes on this machine; 0: one a core.")] = 0,
+    fmus: FmuDir = None,
+) -> None:
+    """Fly many cases over the fault space into one dataset: campaign.zarr, and features.parquet.
+
+    Interrupted, killed or failed, the same command goes on where it stopped. Exit code 1 if a case failed.
+    """
+    import sys
+
+    from harness import results
+    from harness.fidelity import FMU_DIR, parse_settings
+    from harness.trials import read_trial
+
+    with required_extra("campaign"):
+        from harness.campaign.plan import parse_assignments, parse_numbers, read_plan
+        from harness.campaign.run import cluster, run
+
+    options: dict[str, Any] = {}
+    for key, text in (("trials", trials), ("fidelities", fidelities), ("outputs", outputs)):
+        if text is not None:
+            options[key] = [part.strip() for part in text.split(",") if part.strip()]
+    plain = {"samples": samples, "sampling": sampling, "seed": seed, "rate": rate, "cases": cases}
+    options |= {key: value for key, value in plain.items() if value is not None}
+    if ranges:
+        given = parse_assignments(ranges, "--range")
+        options["ranges"] = {n: parse_numbers(text, ":", f"--range {n}") for n, text in given.items()}
+    if grid:
+        given = parse_assignments(grid, "--grid")
+        options["grid"] = {n: parse_numbers(text, ",", f"--grid {n}") for n, text in given.items()}
+    if noise:
+        options["noise"] = parse_assignments(noise, "--noise")
+    if settings:
+        options["set"] = parse_settings(settings)
+    if workers < 0:
+        raise HarnessError(f"--workers {workers}: 0 or more is needed")
+    plan = read_plan(file, options, read_trial(trial_file) if trial_file else None)
+    results.prepare(out)
+    build_missing(list(plan.fidelities), fmus or FMU_DIR, own=fmus is None)
+    with cluster(scheduler, workers or os.cpu_count() or 1) as client:
+        flown = _with_progress(run, plan, client, fmus=fmus or FMU_DIR, out=out)
+    _tell(flown, plan, out)
+    if flown.failures:
+        sys.exit(1)
+
+
+def _with_progress(run: Any, plan: "Plan", client: Any, *, fmus: Path, out: Path) -> "Flown":
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("cases", total=None)
+        flown: Flown = run(
+            plan,
+            client,
+            fmus=fmus,
+            out=out,
+            on_start=lambda total, done: progress.update(task, total=total, completed=done),
+            on_cases=lambda cases: progress.advance(task, cases),
+        )
+        return flown
+
+
+def _tell(flown: "Flown", plan: "Plan", out: Path) -> None:
+    for case, reason in flown.failures[:10]:
+        typer.echo(f"case {case} failed: {reason}")
+    if len(flown.failures) > 10:
+        typer.echo(f"... and {len(flown.failures) - 10} more; see the variable 'failure'")
+    if flown.cases:
+        share = flown.fmu_seconds / (flown.wall * flown.threads)
+        typer.echo(
+            f"{flown.cases} cases in {flown.wall:.2f} s on {flown.threads} threads, {flown.before} were done before; "
+            f"{1e3 * flown.fmu_seconds / flown.cases:.2f} ms a case in the FMU, {100.0 * share:.0f} % of all time"
+        )
+    else:
+        typer.echo(f"all {flown.before} cases were done before")
+    typer.echo(f"dataset: {out / 'campaign.zarr'} (xarray.open_zarr)   features: {out / 'features.parquet'}")
