@@ -2,7 +2,9 @@
 
 import contextlib
 import logging
+import signal
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
@@ -60,20 +62,31 @@ def cluster(scheduler: str | None, workers: int) -> Iterator[Client]:
             yield client
         return
     settings = {"distributed.worker.profile.enabled": False, "distributed.nanny.pre-spawn-environ": KEEP_MEMORY}
-    with (
-        dask.config.set(settings),
-        tempfile.TemporaryDirectory(prefix="ema_dask_") as folder,
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-            local_directory=folder,
-        ) as local,
-        Client(local, set_as_default=False, direct_to_workers=True) as client,
-    ):
-        yield client
+    with dask.config.set(settings), tempfile.TemporaryDirectory(prefix="ema_dask_") as folder:
+        with _deaf_children():
+            local = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                local_directory=folder,
+            )
+        with local, Client(local, set_as_default=False, direct_to_workers=True) as client:
+            yield client
+
+
+@contextlib.contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes that begin inside do not hear Ctrl-C: it is this process that ends them, without tracebacks of theirs."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def run(

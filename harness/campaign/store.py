@@ -62,9 +62,22 @@ class Store:
         """The empty store, under another name until it is whole."""
         made = self.path.with_suffix(".new")
         dataset = _empty(self.plan, digest, fmus)
-        encoding: dict[Any, Any] = {name: {"chunks": _chunks(variable)} for name, variable in dataset.variables.items()}
+        whole = {name: {"chunks": variable.shape or (1,)} for name, variable in dataset.coords.items()}
+        filled = {name: {"chunks": (BATCH, *variable.shape[1:])} for name, variable in dataset.data_vars.items()}
         try:
-            dataset.to_zarr(made, mode="w", encoding=encoding, zarr_format=2, consolidated=True)
+            dataset.to_zarr(made, mode="w", encoding=whole | filled, zarr_format=2, consolidated=False)
+            group = zarr.open_group(made, mode="r+")
+            for name in self.plan.outputs:
+                port = ports.VARIABLES[ports.INDEX[name]]
+                group.create_array(
+                    name,
+                    shape=(len(self.table), len(self.plan.time)),
+                    chunks=(BATCH, len(self.plan.time)),
+                    dtype="float32",
+                    fill_value=np.nan,
+                    attributes={"_ARRAY_DIMENSIONS": ["case", "time"], "units": port.unit, "long_name": port.description},
+                )
+            zarr.consolidate_metadata(made, zarr_format=2)
             made.rename(self.path)
         except OSError as error:
             raise HarnessError(f"{self.path}: cannot be written: {error.strerror}") from None
@@ -101,15 +114,10 @@ class Store:
 
 
 def _empty(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
+    """All of the dataset but the outputs, which would take memory."""
     table = plan.table()
     count = len(table)
     data: dict[str, Any] = {}
-    for name in plan.outputs:
-        port = ports.VARIABLES[ports.INDEX[name]]
-        empty = (
-            np.full((count, len(plan.time)), np.nan, dtype=np.float32) if count <= BATCH else _lazy(count, len(plan.time))
-        )
-        data[name] = (("case", "time"), empty, {"units": port.unit, "long_name": port.description})
     found = features.names(plan.outputs)
     data["features"] = (("case", "feature"), np.full((count, len(found)), np.nan))
     data["failure"] = ("case", np.full(count, "", dtype=f"<U{REASON}"), {"long_name": "Why the case failed; empty if not"})
@@ -134,11 +142,6 @@ def _empty(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
 
 
-def _lazy(count: int, times: int) -> Any:
-    """An array of NaN that takes no memory."""
-    return np.broadcast_to(np.float32(np.nan), (count, times))
-
-
 def _parameters(plan: Plan) -> dict[str, np.ndarray]:
     """Every parameter's value in every case, and the inputs that are held; a fidelity's own defaults where none is given."""
     table = plan.table()
@@ -155,10 +158,3 @@ def _parameters(plan: Plan) -> dict[str, np.ndarray]:
                 series = np.where(table.fidelity == place, fidelity.parameters[variable.name], series)
         values[variable.name] = series
     return values
-
-
-def _chunks(variable: xr.Variable) -> tuple[int, ...]:
-    """A batch a chunk where the cases are filled one batch after another; else all in one."""
-    filled = variable.dims[:1] == ("case",) and (variable.ndim == 2 or variable.dtype.kind in "Ub")
-    sizes = [max(1, size) for size in variable.shape]
-    return (min(BATCH, sizes[0]), *sizes[1:]) if filled else tuple(sizes)
