@@ -47,9 +47,6 @@ class Table:
     def __len__(self) -> int:
         return len(self.values)
 
-    def parameters(self, case: int) -> dict[str, float]:
-        return dict(zip(self.names, self.values[case].tolist(), strict=True))
-
 
 @dataclass(frozen=True)
 class Plan:

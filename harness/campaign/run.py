@@ -22,7 +22,7 @@ from harness import archive
 from harness.campaign.features import names as feature_names
 from harness.campaign.plan import Plan
 from harness.campaign.store import Store
-from harness.campaign.worker import Batch, Result, fly, prepare
+from harness.campaign.worker import Batch, Result, Shared, SharedByWorkers, fly, release
 from harness.errors import HarnessError
 
 AHEAD = 2
@@ -61,7 +61,10 @@ def cluster(scheduler: str | None, workers: int) -> Iterator[Client]:
         with client:
             yield client
         return
-    settings = {"distributed.worker.profile.enabled": False, "distributed.nanny.pre-spawn-environ": KEEP_MEMORY}
+    settings = {
+        "distributed.worker.profile.enabled": False,
+        "distributed.nanny.pre-spawn-environ": KEEP_MEMORY,
+    }
     with dask.config.set(settings), tempfile.TemporaryDirectory(prefix="ema_dask_") as folder:
         with _deaf_children():
             local = LocalCluster(
@@ -115,10 +118,47 @@ def run(
         raise HarnessError(
             f"the Dask cluster has no workers after {PATIENCE:g} s; start some, or leave out --scheduler"
         ) from None
-    sent = {name: (hashes[name], content) for name, content in contents.items()}
-    if waiting:
-        _prepare(client, _batch(plan, store, waiting[0][:1], sent))
+    shared = Shared(
+        store.digest,
+        plan.trials,
+        plan.fidelities,
+        {name: (hashes[name], content) for name, content in contents.items()},
+        plan.outputs,
+        plan.noise,
+        plan.every,
+        plan.seed,
+    )
     threads = sum(client.nthreads().values())
+    if not waiting:
+        return Flown(0, len(store.table), store.finish(), 0.0, 0.0, threads)
+    with _sent(client, shared):
+        wall, fmu_seconds = _fly(client, plan, store, waiting, AHEAD * threads, on_cases)
+    return Flown(open_cases, len(store.table) - open_cases, store.finish(), wall, fmu_seconds, threads)
+
+
+@contextlib.contextmanager
+def _sent(client: Client, shared: Shared) -> Iterator[None]:
+    """Every worker, also one that comes later, holds what all cases share, and is the release that runs here."""
+    plugin = SharedByWorkers(shared)
+    try:
+        client.register_plugin(plugin)
+        releases = client.run(release)
+    except ImportError as error:
+        raise HarnessError(f"the workers need ema-twins {__version__}, as here: {error}") from None
+    for address, found in releases.items():
+        if found != __version__:
+            raise HarnessError(f"worker {address} has ema-twins {found}, here it is {__version__}; they have to be the same")
+    try:
+        yield
+    finally:
+        with contextlib.suppress(Exception):  # the cluster may have gone, and its workers with it
+            client.unregister_worker_plugin(plugin.name)
+
+
+def _fly(
+    client: Client, plan: Plan, store: Store, waiting: list[range], ahead: int, on_cases: Callable[[int], None]
+) -> tuple[float, float]:
+    """Fly the batches `waiting`, `ahead` of them in flight; wall seconds, and those inside the FMUs."""
     begun, fmu_seconds = time.perf_counter(), 0.0
     flying: dict[Future, range] = {}
     queue = iter(waiting)
@@ -127,54 +167,35 @@ def run(
     def submit() -> None:
         cases = next(queue, None)
         if cases is not None:
-            future = client.submit(fly, _batch(plan, store, cases, sent), pure=False, retries=2)
+            future = client.submit(fly, _batch(store, cases), pure=False, retries=2)
             flying[future] = cases
             finished.add(future)
 
-    for _ in range(AHEAD * threads):
+    for _ in range(ahead):
         submit()
     for future in finished:
         cases = flying.pop(future)
-        result = _result(client, future, plan, store, cases, sent)
+        result = _result(client, future, plan, store, cases)
         submit()
         store.write(cases, result)
         fmu_seconds += result.fmu_seconds
         on_cases(len(cases))
-    wall = time.perf_counter() - begun
-    return Flown(open_cases, len(store.table) - open_cases, store.finish(), wall, fmu_seconds, threads)
+    return time.perf_counter() - begun, fmu_seconds
 
 
-def _prepare(client: Client, first: Batch) -> None:
-    """Let every worker load libraries and compiled code, and see that it is the release that runs here."""
-    try:
-        releases = client.run(prepare, first)
-    except ImportError as error:
-        raise HarnessError(f"the workers need ema-twins {__version__}, as here: {error}") from None
-    for address, found in releases.items():
-        if found != __version__:
-            raise HarnessError(f"worker {address} has ema-twins {found}, here it is {__version__}; they have to be the same")
-
-
-def _batch(plan: Plan, store: Store, cases: range, sent: dict[str, tuple[str, bytes]]) -> Batch:
-    table = store.table
+def _batch(store: Store, cases: range) -> Batch:
+    rows, table = slice(cases.start, cases.stop), store.table
     return Batch(
-        cases=tuple(cases),
-        trial=tuple(table.trial[cases.start : cases.stop].tolist()),
-        fidelity=tuple(table.fidelity[cases.start : cases.stop].tolist()),
-        parameters=tuple(table.parameters(case) for case in cases),
-        trials=plan.trials,
-        fidelities=plan.fidelities,
-        fmus=sent,
-        outputs=plan.outputs,
-        noise=plan.noise,
-        every=plan.every,
-        seed=plan.seed,
+        store.digest,
+        tuple(cases),
+        tuple(table.trial[rows].tolist()),
+        tuple(table.fidelity[rows].tolist()),
+        table.names,
+        table.values[rows],
     )
 
 
-def _result(
-    client: Client, future: Future, plan: Plan, store: Store, cases: range, sent: dict[str, tuple[str, bytes]]
-) -> Result:
+def _result(client: Client, future: Future, plan: Plan, store: Store, cases: range) -> Result:
     """A batch's result; if it has ended its workers again and again, each case alone, so that one costs no other."""
     try:
         result: Result = future.result()
@@ -189,7 +210,7 @@ def _result(
         raise HarnessError(f"the Dask cluster has gone: {error}; what is done is kept, the same command goes on") from None
     parts = []
     for case in cases:
-        alone = _batch(plan, store, range(case, case + 1), sent)
+        alone = _batch(store, range(case, case + 1))
         try:
             parts.append(client.submit(fly, alone, pure=False).result())
         except KilledWorker:

@@ -38,7 +38,7 @@ class Store:
         self.path = folder / STORE
         self._features = folder / FEATURES
         self.plan, self.table = plan, plan.table()
-        digest = plan.digest(fmus)
+        self.digest = digest = plan.digest(fmus)
         if self.path.exists():
             group = self._opened(digest)
         else:

@@ -1,5 +1,6 @@
 """What a Dask worker does: a batch of cases, with FMUs that come by content and stay open."""
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -10,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from distributed import WorkerPlugin
 from numpy.typing import NDArray
 
 from ema_fmu_src import __version__, ports
@@ -24,14 +26,10 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Cases in a row. `cases`: their numbers; `trial`, `fidelity`: of each, places in `trials` and `fidelities`;
-    `parameters` of each; `fmus`: file name -> SHA-256 and content."""
+class Shared:
+    """What all cases of a campaign share, by its `digest`; `fmus`: file name -> SHA-256 and content."""
 
-    cases: tuple[int, ...]
-    trial: tuple[int, ...]
-    fidelity: tuple[int, ...]
-    parameters: tuple[dict[str, float], ...]
+    digest: str
     trials: tuple[Trial, ...]
     fidelities: tuple[Fidelity, ...]
     fmus: dict[str, tuple[str, bytes]]
@@ -39,6 +37,22 @@ class Batch:
     noise: dict[str, Noise]
     every: int
     seed: int
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Cases in a row of the campaign `digest`.
+
+    `cases`: their numbers; `trial`, `fidelity`: of each, places in the campaign's; `values`, shape (n_cases, len(names)):
+    the parameters `names` of each.
+    """
+
+    digest: str
+    cases: tuple[int, ...]
+    trial: tuple[int, ...]
+    fidelity: tuple[int, ...]
+    names: tuple[str, ...]
+    values: Array
 
 
 @dataclass(frozen=True)
@@ -56,25 +70,48 @@ _own = threading.local()
 """Of this thread: open twins by hash (an instance is used by one thread alone), and the array that runs are written to."""
 
 
-def prepare(batch: Batch) -> str:
-    """Fly one step of a batch, so that libraries and compiled code are loaded; the release of this software here."""
-    short = [replace(flown, inputs={name: series[:2] for name, series in flown.inputs.items()}) for flown in batch.trials]
-    fly(replace(batch, trials=tuple(short), every=1))
+_shared: dict[str, Shared] = {}
+"""Of this process: what each campaign's cases share."""
+
+
+class SharedByWorkers(WorkerPlugin):
+    """Brings what all cases share to every worker, once, instead of with each batch; and loads the compiled code there."""
+
+    def __init__(self, shared: Shared) -> None:
+        self.shared = shared
+        self.name = f"ema-campaign-{shared.digest}"
+
+    def setup(self, worker: object) -> None:
+        _shared[self.shared.digest] = self.shared
+        short = [
+            replace(flown, inputs={n: series[:2] for n, series in flown.inputs.items()}) for flown in self.shared.trials
+        ]
+        for digest, content in self.shared.fmus.values():
+            with contextlib.suppress(HarnessError):  # each case will say so
+                _twin(digest, content).record(short[0], {}, _recorded(self.shared.outputs))
+
+    def teardown(self, worker: object) -> None:
+        _shared.pop(self.shared.digest, None)
+
+
+def release() -> str:
+    """The release of this software that the worker has."""
     return __version__
 
 
 def fly(batch: Batch) -> Result:
     """Fly the cases of `batch`, one after another."""
-    recorded = _recorded(batch.outputs)
-    times = len(batch.trials[0].time[:: batch.every])
-    values = np.full((len(batch.cases), len(batch.outputs), times), np.nan, dtype=np.float32)
-    found = np.full((len(batch.cases), len(features.names(batch.outputs))), np.nan)
+    shared = _shared[batch.digest]
+    recorded = _recorded(shared.outputs)
+    times = len(shared.trials[0].time[:: shared.every])
+    values = np.full((len(batch.cases), len(shared.outputs), times), np.nan, dtype=np.float32)
+    found = np.full((len(batch.cases), len(features.names(shared.outputs))), np.nan)
     failures, seconds = [""] * len(batch.cases), 0.0
     for place, case in enumerate(batch.cases):
-        flown, fidelity = batch.trials[batch.trial[place]], batch.fidelities[batch.fidelity[place]]
-        parameters = batch.parameters[place] | fidelity.parameters
+        flown, fidelity = shared.trials[batch.trial[place]], shared.fidelities[batch.fidelity[place]]
+        parameters = dict(zip(batch.names, batch.values[place].tolist(), strict=True)) | fidelity.parameters
         try:
-            twin, buffer = _twin(*batch.fmus[fidelity.fmu]), _buffer((len(flown.time), len(recorded)))
+            twin, buffer = _twin(*shared.fmus[fidelity.fmu]), _buffer((len(flown.time), len(recorded)))
             run, wall = twin.record(flown, parameters, recorded, into=buffer)
             if not np.isfinite(run.sum()):
                 raise HarnessError(f"{fidelity.fmu}: an output is no finite number")
@@ -83,8 +120,8 @@ def fly(batch: Batch) -> Result:
             continue
         columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
         held = {"command": flown.inputs["command"], "supply_voltage": _supply(flown, parameters)}
-        at_rate = {name: np.ascontiguousarray(series[:: batch.every]) for name, series in (columns | held).items()}
-        kept = _noisy({name: at_rate[name] for name in batch.outputs}, batch.noise, [batch.seed, case])
+        at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in (columns | held).items()}
+        kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])
         values[place] = np.array(list(kept.values()))
         pairs = parameters.get("motor.p", features.PAIRS)
         found[place] = features.features(kept, at_rate | kept, columns | held, step=flown.step, pairs=pairs)
