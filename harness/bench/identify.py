@@ -4,12 +4,8 @@ Beside it differential evolution with the same model and the same sum of squares
 """
 
 import math
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +20,7 @@ from harness.identify.diagnosis import THRESHOLD, identify
 from harness.identify.faults import FAULTS
 from harness.identify.measured import CURRENT, Measured, measured, noise_of
 from harness.identify.monitor import Monitor
+from harness.parallel import processes
 from harness.twin import Twin
 
 TRIALS = ("SIN", "STEP-RAMP", "CHIRP")
@@ -208,7 +205,7 @@ def run(
 ) -> tuple[list[Identified], list[Evolved]]:
     """All cases, in `workers` processes of one thread each; `on_case` is called after each."""
     drawn = cases(count, healthy, seed)
-    with _one_thread(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with processes(workers) as pool:
         started = [pool.submit(run_case, case, fmus, rate) for case in drawn]
         beside = [pool.submit(evolve, case, fmus, rate) for case in drawn[:evolved]]
         found = []
@@ -220,22 +217,6 @@ def run(
             others.append(other.result())
             on_case()
     return found, others
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Processes that begin inside compute linear algebra on one core: seconds a case are those of one core."""
-    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def of(found: list[Identified], monitor: str, fault: str) -> list[Outcome]:

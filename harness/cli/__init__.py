@@ -11,6 +11,7 @@ from harness.cli.check import check
 from harness.cli.compare import compare
 from harness.cli.export import export
 from harness.cli.identify import identify
+from harness.cli.monitor import monitor
 from harness.cli.ports import ports
 from harness.cli.reference import reference
 from harness.cli.run import run
@@ -21,7 +22,7 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, campaign, identify, check, serve, compare, export, reference, ports):
+for command in (build, run, campaign, identify, monitor, check, serve, compare, export, reference, ports):
     app.command()(command)
 app.add_typer(bench, name="bench")
 

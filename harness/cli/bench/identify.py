@@ -1,6 +1,5 @@
 """`ema bench identify`."""
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,7 +59,7 @@ def identify(
         evolved=evolution,
         seed=seed,
         rate=rate,
-        workers=workers or os.cpu_count() or 1,
+        workers=workers,
         on_case=lambda: next(steps, None),
     )
     listed = benching.checks(found, others)

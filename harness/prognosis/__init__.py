@@ -1,0 +1,1 @@
+"""Faults followed over many runs: their trend, and the remaining useful life, in the vocabulary of NASA's progpy."""

@@ -1,0 +1,169 @@
+"""The growth of a fault, and when it reaches its limit: a progpy model, filter and predictor.
+
+The fault's value drifts at a rate that itself wanders: level' = rate, rate' = white noise of density q (a local linear
+trend; ours). progpy's Kalman filter follows it, each run weighted by its interval; q is the most likely of a grid. progpy's
+Monte Carlo predictor flies samples of level and rate forward: the event is the limit, the event state the health index.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from progpy import LinearModel
+from progpy.predictors import MonteCarlo
+from progpy.state_estimators import KalmanFilter
+from progpy.uncertain_data import MultivariateNormalDist
+
+from harness.identify.faults import Fault
+
+Array = NDArray[np.float64]
+
+EVENT = "limit"
+SAMPLES, STEPS = 400, 200
+"""Of the Monte Carlo prediction: samples, and steps to the horizon."""
+FAR, BEYOND = 10.0, 4.0
+"""Horizon of the prediction: at most so many lengths of the history, or times what is left at the rate of now."""
+FEWEST = 3
+"""Runs that a trend needs."""
+SURE = 1.645
+"""Standard deviations of the rate above zero from which a fault is said to grow (95 %, one side)."""
+SEED = 20230612
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How a fault has grown and will.
+
+    `at`, `values`, `sigmas`: the runs that identify it, in the history's unit and the fault's; `level`, `rate` and their
+    `covariance` (2, 2) at the last run; `scatter`: what the runs spread more than their intervals say. `health`: the event
+    state at the last run. `times_of_event`: of each sample that reaches the limit within `horizon` after the last run, in
+    the history's unit; `reached`: the part that does. `forecast`: times, and 5, 50, 95 % of the predicted value.
+    """
+
+    fault: Fault
+    limit: float
+    at: Array = field(repr=False)
+    values: Array = field(repr=False)
+    sigmas: Array = field(repr=False)
+    level: float
+    rate: float
+    covariance: Array
+    scatter: float
+    health: float
+    horizon: float
+    times_of_event: Array = field(repr=False)
+    reached: float
+    forecast: tuple[Array, Array] = field(repr=False)
+
+    @property
+    def grows(self) -> bool:
+        """Whether the rate towards the limit is surely above zero."""
+        towards = math.copysign(1.0, self.limit - self.fault.healthy)
+        return towards * self.rate > SURE * math.sqrt(self.covariance[1, 1])
+
+    def life(self, *parts: float) -> list[float | None]:
+        """Quantiles of the remaining useful life; None where that many samples do not reach the limit."""
+        now, count = float(self.at[-1]), round(len(self.times_of_event) / self.reached) if self.reached else 0
+        ordered = np.sort(self.times_of_event) - now
+        places = [math.ceil(part * count) - 1 for part in parts]
+        return [float(ordered[max(place, 0)]) if count and place < len(ordered) else None for place in places]
+
+
+class Growth(LinearModel):
+    """progpy's linear model of a fault: states level and rate, output level, event `limit` with the health as its state."""
+
+    inputs: list[str] = []  # noqa: RUF012 - progpy's declaration
+    states = ["level", "rate"]  # noqa: RUF012
+    outputs = ["level"]  # noqa: RUF012
+    events = [EVENT]  # noqa: RUF012
+    A = np.array([[0.0, 1.0], [0.0, 0.0]])
+    C = np.array([[1.0, 0.0]])
+    F = None
+    default_parameters = {"healthy": 0.0, "limit": 1.0, "x0": {"level": 0.0, "rate": 0.0}}  # noqa: RUF012
+
+    def event_state(self, x: Any) -> dict[str, float]:
+        """1 healthy, 0 at the limit, on the way towards it."""
+        healthy, limit = self.parameters["healthy"], self.parameters["limit"]
+        return {EVENT: 1.0 - (float(x["level"]) - healthy) / (limit - healthy)}
+
+    def threshold_met(self, x: Any) -> dict[str, bool]:
+        return {EVENT: self.event_state(x)[EVENT] <= 0.0}
+
+
+def follow(fault: Fault, limit: float, at: Array, values: Array, sigmas: Array) -> Trend:
+    """The trend of a fault from `values` with standard deviations `sigmas` at the times `at`, FEWEST or more, rising."""
+    span = abs(limit - fault.healthy)
+    floor = 1e-4 * span  # no identification is better
+    sigmas = np.maximum(sigmas, floor)
+    scatter = _scatter(at, values, sigmas)
+    lasts = float(at[-1] - at[0])
+    densities = [0.0, *(span / lasts * np.geomspace(1e-3, 1.0, 7) / math.sqrt(lasts))]
+    _, q, state = max(
+        (_filtered(fault, limit, at, values, np.hypot(sigmas, scatter), q) for q in densities), key=lambda found: found[0]
+    )
+    mean, covariance = np.array([state.mean["level"], state.mean["rate"]], dtype=float), np.array(state.cov, dtype=float)
+    left, rate = limit - float(mean[0]), float(mean[1])
+    horizon = min(FAR * lasts, BEYOND * left / rate) if left * rate > 0.0 else FAR * lasts
+    times, reached, forecast = _predict(fault, limit, state, q, float(at[-1]), horizon)
+    health = fault.health(float(mean[0]), limit)
+    return Trend(
+        fault, limit, at, values, sigmas, float(mean[0]), float(mean[1]), covariance, scatter, health, horizon, times,
+        reached, forecast,
+    )  # fmt: skip
+
+
+def _scatter(at: Array, values: Array, sigmas: Array) -> float:
+    """What neighbouring runs differ more than their standard deviations say: from second differences, robust."""
+    if len(at) < 5:
+        return 0.0
+    before, after = at[1:-1] - at[:-2], at[2:] - at[1:-1]
+    share = after / (before + after)
+    off = values[1:-1] - share * values[:-2] - (1.0 - share) * values[2:]
+    expected = np.sqrt(sigmas[1:-1] ** 2 + (share * sigmas[:-2]) ** 2 + ((1.0 - share) * sigmas[2:]) ** 2)
+    gain = np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
+    excess = np.median(np.abs(off) / gain) ** 2 * 1.4826**2 - np.median(expected / gain) ** 2
+    return math.sqrt(max(0.0, float(excess)))
+
+
+def _model(fault: Fault, limit: float, **parameters: Any) -> Growth:
+    return Growth(healthy=fault.healthy, limit=limit, **parameters)
+
+
+def _filtered(fault: Fault, limit: float, at: Array, values: Array, sigmas: Array, q: float) -> tuple[float, float, Any]:
+    """Log-likelihood of the density q, q, and the state after the last run."""
+    fastest = 3.0 * abs(limit - fault.healthy) / float(at[-1] - at[0])
+    first = MultivariateNormalDist(
+        ["level", "rate"], [float(values[0]), 0.0], np.diag([float(sigmas[0]) ** 2, fastest**2]).tolist()
+    )
+    kalman = KalmanFilter(_model(fault, limit), first, t0=float(at[0]), dt=float(at[-1] - at[0]) + 1.0)
+    likelihood = 0.0
+    for now, value, sigma in zip(at[1:], values[1:], sigmas[1:], strict=True):
+        gap = float(now) - kalman.t
+        kalman.filter.Q = q**2 * np.array([[gap**3 / 3.0, gap**2 / 2.0], [gap**2 / 2.0, gap]])
+        kalman.filter.R = np.array([[float(sigma) ** 2]])
+        kalman.estimate(float(now), {}, {"level": float(value)})
+        likelihood += float(kalman.filter.log_likelihood)
+    return likelihood, q, kalman.x
+
+
+def _predict(
+    fault: Fault, limit: float, state: Any, q: float, now: float, horizon: float
+) -> tuple[Array, float, tuple[Array, Array]]:
+    """Times of the event, the part of the samples that reach it, and the forecast, by progpy's Monte Carlo predictor."""
+    step = horizon / STEPS
+    model = _model(fault, limit, process_noise={"level": 0.0, "rate": q / math.sqrt(step)})
+    np.random.seed(SEED)  # noqa: NPY002 - progpy draws from numpy's global generator
+    result = MonteCarlo(model).predict(
+        state, n_samples=SAMPLES, t0=now, dt=step, horizon=horizon, save_freq=step, events=[EVENT]
+    )
+    times = [sample[EVENT] for sample in result.time_of_event]
+    reached = np.array([time for time in times if time is not None], dtype=float)
+    grid = np.array(result.times)
+    levels = np.full((len(times), len(grid)), np.nan)
+    for row, run in enumerate(result.states):
+        series = [float(x["level"]) for x in run]
+        levels[row, : len(series)] = series
+        levels[row, len(series) :] = limit  # it has reached it
+    return reached, len(reached) / len(times), (grid, np.percentile(levels, [5, 50, 95], axis=0))

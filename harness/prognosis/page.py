@@ -1,0 +1,92 @@
+"""The page of a history: each fault over time with its intervals, its trend, its limit, and when it is reached."""
+
+import html
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from harness.page import LAYOUT, document, drawn, origin, table
+from harness.prognosis.growth import Trend
+from harness.prognosis.history import Identified
+from harness.prognosis.outlook import Outlook, life_of
+
+HEADS = ("Fault", "Now", "Limit", "Event state (health)", "Rate", "Remaining useful life")
+
+
+def rows(outlook: Outlook) -> list[tuple[str, ...]]:
+    """A row of texts for each fault, under HEADS."""
+    return [
+        (
+            name,
+            f"{trend.level:.4g}",
+            f"{trend.limit:g}",
+            f"{trend.health:.2f}",
+            f"{trend.rate:.3g} ± {math.sqrt(trend.covariance[1, 1]):.2g} / {outlook.unit.removesuffix('s')}",
+            life_of(trend, outlook.unit) if trend.grows or trend.health <= 0.0 else "does not grow",
+        )
+        for name, trend in outlook.trends.items()
+    ]
+
+
+def page(outlook: Outlook, history: Sequence[Identified], command: str) -> str:
+    """The page as HTML text; `command` is the command line that makes it again."""
+    growing = [trend for trend in outlook.trends.values() if trend.grows]
+    kind = "over" if any(trend.health <= 0.0 for trend in outlook.trends.values()) else "near" if growing else "ok"
+    problems = "".join(f"<li>{html.escape(line)}</li>" for line in outlook.problems)
+    left_out = f"<h2>Runs left out</h2><ul>{problems}</ul>" if problems else ""
+    spoken = "Each fault's estimates over time with their intervals, the trend, its forecast and its limit."
+    first, last = history[0].flight.label, history[-1].flight.label
+    return document(
+        "EMA twins: faults over time",
+        f'<h1>Faults over time</h1><p class="verdict {kind}">{html.escape(outlook.verdict)}.</p>'
+        f"<p>{outlook.runs} runs, {html.escape(first)} to {html.escape(last)}; times in {outlook.unit} from the first. "
+        "The event is a fault at its limit; the event state is the health index, 1 healthy and 0 at the limit.</p>"
+        f"{table('Faults now, and the time of the event', HEADS, rows(outlook))}"
+        f"<section><h2>History and prediction</h2>{drawn(figure(outlook), spoken)}</section>{left_out}{origin(command)}",
+    )
+
+
+def figure(outlook: Outlook) -> go.Figure:
+    """A row for each fault, those that grow first; beside it the distribution of its time of event."""
+    trends = sorted(outlook.trends.values(), key=lambda trend: not trend.grows)
+    drawing = make_subplots(rows=len(trends), cols=1, vertical_spacing=0.35 / (len(trends) + 3))
+    for row, trend in enumerate(trends, start=1):
+        first = row == 1
+        grid, (low, middle, high) = trend.forecast
+        if trend.grows:
+            band = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
+            drawing.add_scatter(x=_few(grid), y=_few(high), showlegend=False, **band, row=row, col=1)
+            drawing.add_scatter(
+                x=_few(grid), y=_few(low), fill="tonexty", fillcolor="rgba(31,111,214,.2)", name="90 % of the forecast",
+                legendgroup="band", showlegend=first, **band, row=row, col=1,
+            )  # fmt: skip
+            line = {"color": "#1f6fd6", "width": 1.6}
+            drawing.add_scatter(
+                x=_few(grid), y=_few(middle), mode="lines", line=line, name="forecast", legendgroup="forecast",
+                showlegend=first, row=row, col=1,
+            )  # fmt: skip
+        drawing.add_scatter(
+            x=_few(trend.at), y=_few(trend.values), mode="markers", name="identified", legendgroup="identified",
+            showlegend=first, marker={"color": "#888888", "size": 6},
+            error_y={"array": _few(2.0 * trend.sigmas), "thickness": 1}, row=row, col=1,
+        )  # fmt: skip
+        drawing.add_hline(y=trend.limit, line={"color": "#d6321f", "dash": "dash", "width": 1.2}, row=row, col=1)
+        drawing.update_yaxes(title_text=trend.fault.name, row=row, col=1)
+        drawing.update_xaxes(range=[float(trend.at[0]), _end(trend)], row=row, col=1)
+    drawing.update_xaxes(title_text=f"Time [{outlook.unit}] (dashed: limit)", row=len(trends), col=1)
+    drawing.update_layout(**LAYOUT)
+    return drawing
+
+
+def _end(trend: Trend) -> float:
+    """Where the picture ends: where most samples have reached the limit, or the history and half as much."""
+    life = trend.life(0.75)[0] if trend.grows else None
+    lasts = float(trend.at[-1] - trend.at[0])
+    return float(trend.at[-1]) + max(0.5 * lasts, min(life or 0.0, 4.0 * lasts))
+
+
+def _few(series: np.ndarray) -> list[float]:
+    return [float(f"{value:.6g}") for value in series]
