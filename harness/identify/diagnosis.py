@@ -176,9 +176,10 @@ def _eccentricity(
     across = np.array([-along[1], along[0]])
     width = found.quantile * math.sqrt(along @ covariance @ along)
     vector = zeta * along
+    length = math.sqrt(max(0.0, zeta**2 - float(np.trace(covariance))))  # noise makes a vector longer (Rice)
     some = float(vector @ np.linalg.solve(covariance, vector)) > TWO * (found.quantile / 1.96) ** 2
     low, high = (zeta - width if some else 0.0), zeta + width
-    first = _judged(FAULTS["zeta"], (zeta, max(low, 0.0), high), width, limits, threshold)
+    first = _judged(FAULTS["zeta"], (length, max(low, 0.0), high), width, limits, threshold)
     turn = found.quantile * math.sqrt(across @ covariance @ across) / max(zeta, 1e-12)
     reason = ""
     if not some:

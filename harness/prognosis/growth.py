@@ -27,8 +27,11 @@ FAR, BEYOND = 10.0, 4.0
 """Horizon of the prediction: at most so many lengths of the history, or times what is left at the rate of now."""
 FEWEST = 3
 """Runs that a trend needs."""
-SURE = 1.645
-"""Standard deviations of the rate above zero from which a fault is said to grow (95 %, one side)."""
+SURE, SOME = 3.0, 0.01
+"""A fault is said to grow if its rate is above zero by as many standard deviations (seven faults are looked at), and if it
+has changed by this part of the way from healthy to its limit."""
+LIKELIER = 1.92
+"""Gain of log-likelihood from which the rate is said to wander: the 95 % quantile of chi-squared, halved."""
 SEED = 20230612
 
 
@@ -39,7 +42,8 @@ class Trend:
     `at`, `values`, `sigmas`: the runs that identify it, in the history's unit and the fault's; `level`, `rate` and their
     `covariance` (2, 2) at the last run; `scatter`: what the runs spread more than their intervals say. `health`: the event
     state at the last run. `times_of_event`: of each sample that reaches the limit within `horizon` after the last run, in
-    the history's unit; `reached`: the part that does. `forecast`: times, and 5, 50, 95 % of the predicted value.
+    the history's unit; `reached`: the part that does. `forecast`: times, and 5, 50, 95 % of the predicted value. Nothing is
+    predicted of a fault that does not grow.
     """
 
     fault: Fault
@@ -59,9 +63,8 @@ class Trend:
 
     @property
     def grows(self) -> bool:
-        """Whether the rate towards the limit is surely above zero."""
-        towards = math.copysign(1.0, self.limit - self.fault.healthy)
-        return towards * self.rate > SURE * math.sqrt(self.covariance[1, 1])
+        """Whether the fault is surely on its way to the limit."""
+        return _grows(self.fault, self.limit, self.rate, self.covariance, float(self.at[-1] - self.at[0]))
 
     def life(self, *parts: float) -> list[float | None]:
         """Quantiles of the remaining useful life; None where that many samples do not reach the limit."""
@@ -100,18 +103,25 @@ def follow(fault: Fault, limit: float, at: Array, values: Array, sigmas: Array) 
     scatter = _scatter(at, values, sigmas)
     lasts = float(at[-1] - at[0])
     densities = [0.0, *(span / lasts * np.geomspace(1e-3, 1.0, 7) / math.sqrt(lasts))]
-    _, q, state = max(
-        (_filtered(fault, limit, at, values, np.hypot(sigmas, scatter), q) for q in densities), key=lambda found: found[0]
-    )
+    steady, *wandering = (_filtered(fault, limit, at, values, np.hypot(sigmas, scatter), q) for q in densities)
+    best = max(wandering, key=lambda found: found[0])
+    _, q, state = best if best[0] > steady[0] + LIKELIER else steady
     mean, covariance = np.array([state.mean["level"], state.mean["rate"]], dtype=float), np.array(state.cov, dtype=float)
     left, rate = limit - float(mean[0]), float(mean[1])
     horizon = min(FAR * lasts, BEYOND * left / rate) if left * rate > 0.0 else FAR * lasts
-    times, reached, forecast = _predict(fault, limit, state, q, float(at[-1]), horizon)
+    times, reached, forecast = np.empty(0), 0.0, (np.empty(0), np.empty((3, 0)))
+    if _grows(fault, limit, rate, covariance, lasts):
+        times, reached, forecast = _predict(fault, limit, state, q, float(at[-1]), horizon)
     health = fault.health(float(mean[0]), limit)
     return Trend(
         fault, limit, at, values, sigmas, float(mean[0]), float(mean[1]), covariance, scatter, health, horizon, times,
         reached, forecast,
     )  # fmt: skip
+
+
+def _grows(fault: Fault, limit: float, rate: float, covariance: Array, lasts: float) -> bool:
+    towards = rate / (limit - fault.healthy)
+    return towards * abs(limit - fault.healthy) > SURE * math.sqrt(covariance[1, 1]) and towards * lasts > SOME
 
 
 def _scatter(at: Array, values: Array, sigmas: Array) -> float:

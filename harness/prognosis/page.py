@@ -37,6 +37,8 @@ def page(outlook: Outlook, history: Sequence[Identified], command: str) -> str:
     kind = "over" if any(trend.health <= 0.0 for trend in outlook.trends.values()) else "near" if growing else "ok"
     problems = "".join(f"<li>{html.escape(line)}</li>" for line in outlook.problems)
     left_out = f"<h2>Runs left out</h2><ul>{problems}</ul>" if problems else ""
+    when = "How often the samples of the prediction reach the limit, over time, for each fault that grows."
+    events = f"<section><h2>Time of the event</h2>{drawn(times_of_event(outlook), when, 'low')}</section>" if growing else ""
     spoken = "Each fault's estimates over time with their intervals, the trend, its forecast and its limit."
     first, last = history[0].flight.label, history[-1].flight.label
     return document(
@@ -45,12 +47,13 @@ def page(outlook: Outlook, history: Sequence[Identified], command: str) -> str:
         f"<p>{outlook.runs} runs, {html.escape(first)} to {html.escape(last)}; times in {outlook.unit} from the first. "
         "The event is a fault at its limit; the event state is the health index, 1 healthy and 0 at the limit.</p>"
         f"{table('Faults now, and the time of the event', HEADS, rows(outlook))}"
-        f"<section><h2>History and prediction</h2>{drawn(figure(outlook), spoken)}</section>{left_out}{origin(command)}",
+        f"<section><h2>History and prediction</h2>{drawn(figure(outlook), spoken)}</section>"
+        f"{events}{left_out}{origin(command)}",
     )
 
 
 def figure(outlook: Outlook) -> go.Figure:
-    """A row for each fault, those that grow first; beside it the distribution of its time of event."""
+    """A row for each fault, those that grow first."""
     trends = sorted(outlook.trends.values(), key=lambda trend: not trend.grows)
     drawing = make_subplots(rows=len(trends), cols=1, vertical_spacing=0.35 / (len(trends) + 3))
     for row, trend in enumerate(trends, start=1):
@@ -78,6 +81,18 @@ def figure(outlook: Outlook) -> go.Figure:
         drawing.update_xaxes(range=[float(trend.at[0]), _end(trend)], row=row, col=1)
     drawing.update_xaxes(title_text=f"Time [{outlook.unit}] (dashed: limit)", row=len(trends), col=1)
     drawing.update_layout(**LAYOUT)
+    return drawing
+
+
+def times_of_event(outlook: Outlook) -> go.Figure:
+    """The distribution of each growing fault's time of event."""
+    drawing = go.Figure()
+    for name, trend in outlook.trends.items():
+        if trend.grows and trend.reached:
+            drawing.add_histogram(x=_few(trend.times_of_event), name=name, opacity=0.6, nbinsx=40, histnorm="probability")
+    drawing.update_layout(**LAYOUT, barmode="overlay", showlegend=True)
+    drawing.update_xaxes(title_text=f"Time of the event [{outlook.unit} from the first run]")
+    drawing.update_yaxes(title_text="part of the samples")
     return drawing
 
 

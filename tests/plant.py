@@ -1,0 +1,50 @@
+"""Measured runs for the tests: HF with known faults, noisy, as arrays and as CSV."""
+
+from pathlib import Path
+
+import numpy as np
+
+from harness.identify.faults import from_values, to_parameters
+from harness.identify.measured import CURRENT, Measured, measured
+from harness.trials import trial
+from harness.twin import Twin
+
+NOISE = {"position": 0.001, "motor_speed": 0.001, CURRENT: 0.01}
+PHASES = ("phase_current_a", "phase_current_b", "phase_current_c")
+
+
+def columns(
+    fmu: Path,
+    name: str,
+    faults: dict[str, float],
+    *,
+    seed: int = 1,
+    rate: float = 2000.0,
+    noisy: bool = True,
+    **others: float,
+) -> dict[str, np.ndarray]:
+    """Columns of a measured run; `others` are parameters, dots written as two underscores."""
+    extra = {key.replace("__", "."): value for key, value in others.items()}
+    with Twin(fmu) as plant:
+        run = plant.run(trial(name), to_parameters(from_values(faults)) | extra)
+    every = round(1e4 / rate)
+    rng = np.random.default_rng(seed)
+    table = {"time": run.time.values[::every], "command": run["command"].values[::every]}
+    for channel in (*NOISE, *PHASES):
+        series = run[channel].values[::every]
+        sigma = NOISE.get(channel, 0.01) * float(np.ptp(series)) if noisy else 0.0
+        table[channel] = series + sigma * rng.standard_normal(series.size)
+    return table
+
+
+def as_run(table: dict[str, np.ndarray], channels: tuple[str, ...] = tuple(NOISE)) -> Measured:
+    """The columns as the monitor takes them."""
+    picked = {name: table[name] for name in channels}
+    return measured("run", table["time"], {"command": table["command"]}, picked, {}, where="run")
+
+
+def write(path: Path, table: dict[str, np.ndarray]) -> Path:
+    """The columns as a CSV file."""
+    data = np.column_stack(list(table.values()))
+    np.savetxt(path, data, fmt="%.9g", delimiter=",", header=",".join(table), comments="")
+    return path

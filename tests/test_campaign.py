@@ -1,0 +1,239 @@
+"""Campaigns: the same data from the same plan, however they are flown and whatever ends them."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import xarray as xr
+import zarr
+from typer.testing import CliRunner
+
+from ema_fmu_src import ports
+from harness.campaign import features
+from harness.campaign.plan import read_plan
+from harness.campaign.run import cluster, run
+from harness.cli import app
+from harness.errors import HarnessError
+from harness.fidelity import FIDELITIES
+from harness.trials import trial
+from harness.twin import Twin
+
+OPTIONS = {
+    "ranges": {"fault.friction": [1.0, 3.0], "fault.N_a": [0.7, 1.0]},
+    "samples": 200,
+    "seed": 7,
+    "noise": {"position": "0.1 %", "motor_speed": 0.5},
+}
+COMMAND = ("--range", "fault.friction=1:3", "--range", "fault.N_a=0.7:1", "--samples", "200", "--seed", "7",
+           "--noise", "position=0.1 %", "--noise", "motor_speed=0.5")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(fmus: dict[str, Path]) -> Path:
+    return fmus["ELF"].parent
+
+
+@pytest.fixture(scope="module")
+def undisturbed(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The dataset of OPTIONS, flown at once by one worker."""
+    out = tmp_path_factory.mktemp("undisturbed")
+    with cluster(None, 1) as client:
+        flown = run(read_plan(None, OPTIONS), client, fmus=folder, out=out)
+    assert flown.cases == 200 and not flown.failures
+    return out
+
+
+def assert_same(one: Path, other: Path) -> None:
+    """Every file of two campaigns has the same bytes."""
+    files = [
+        {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+        for root in (one, other)
+    ]
+    assert files[0].keys() == files[1].keys()
+    assert [name for name in files[0] if files[0][name] != files[1][name]] == []
+
+
+def launch(folder: Path, out: Path, *more: str) -> subprocess.Popen:
+    code = "from harness.cli import main; main()"
+    words = [sys.executable, "-c", code, "campaign", *COMMAND, "--fmus", str(folder), "--out", str(out), *more]
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment, text=True)
+
+
+def batches_done(out: Path) -> int:
+    """Batches of the store that are marked as done."""
+    try:
+        return len([path for path in (out / "campaign.zarr" / "done").iterdir() if path.name.isdigit()])
+    except OSError:
+        return 0
+
+
+def test_latin_hypercube_takes_every_stratum_once_and_the_seed_decides():
+    table = read_plan(None, OPTIONS).table()
+    low, high = np.array([[1.0, 3.0], [0.7, 1.0]]).T
+    strata = np.floor((table.values - low) / (high - low) * 200).astype(int)
+    for column in strata.T:
+        assert sorted(column) == list(range(200))
+    assert np.array_equal(table.values, read_plan(None, OPTIONS).table().values)
+    assert not np.array_equal(table.values, read_plan(None, OPTIONS | {"seed": 8}).table().values)
+
+
+def test_toml_grids_cases_and_options_make_the_table(tmp_path):
+    (tmp_path / "plan.toml").write_text(
+        'trials = ["SIN", "CHIRP"]\nfidelities = ["ELF+", "LF"]\nsamples = 2\nsampling = "sobol"\n'
+        "[ranges]\n'fault.friction' = [1, 3]\n[grid]\nfault.N_a = [1.0, 0.8]\n[set]\nsupply_voltage = 40.0\n"
+    )
+    plan = read_plan(tmp_path / "plan.toml", {"seed": 3})
+    table = plan.table()
+    assert table.names == ("fault.friction", "fault.N_a", "supply_voltage") and len(table) == 2 * 2 * 2 * 2
+    assert set(zip(table.fidelity.tolist(), table.trial.tolist(), strict=True)) == {(0, 0), (0, 1), (1, 0), (1, 1)}
+    assert (table.values[:, 2] == 40.0).all() and plan.seed == 3
+    (tmp_path / "cases.csv").write_text("fault.N_b,fault.gain\n0.9,1\n0.8,1.2\n")
+    listed = read_plan(None, {"cases": tmp_path / "cases.csv"}).table()
+    assert listed.values.tolist() == [[0.9, 1.0], [0.8, 1.2]]
+
+
+@pytest.mark.parametrize(
+    "options, said",
+    [
+        ({"ranges": {"fault.frction": [1, 2]}, "samples": 2}, "did you mean fault.friction"),
+        ({"ranges": {"fault.N_a": [0.1, 1]}, "samples": 2}, "out of range, 0.3 to 1"),
+        ({"ranges": {"fault.N_a": [1, 0.8]}, "samples": 2}, "lower end comes first"),
+        ({"ranges": {"fault.open_switch": [0, 6]}, "samples": 2}, "list them under grid"),
+        ({"samples": 5}, "would all be the same"),
+        ({"rate": 3000.0}, "does not divide"),
+        ({"outputs": ["positon"]}, "did you mean position"),
+        ({"noise": {"position": "loud"}}, "a standard deviation is needed"),
+        ({"ranges": {"fault.N_a": [0.8, 1]}, "grid": {"fault.N_a": [1.0]}, "samples": 2}, "given twice"),
+        ({"samples": 0}, "1 or more"),
+    ],
+)
+def test_a_plan_that_cannot_be_flown_is_refused_with_a_line(options, said):
+    with pytest.raises(HarnessError, match=said) as refusal:
+        read_plan(None, options)
+    assert "\n" not in str(refusal.value)
+
+
+def test_unknown_key_of_a_file_names_the_nearest(tmp_path):
+    (tmp_path / "plan.toml").write_text("sample = 3\n")
+    with pytest.raises(HarnessError, match="did you mean samples"):
+        read_plan(tmp_path / "plan.toml", {})
+
+
+def test_dataset_opens_with_plain_xarray_and_is_labelled(undisturbed, folder):
+    dataset = xr.open_zarr(undisturbed / "campaign.zarr")
+    assert dataset["position"].dims == ("case", "time") and dataset["position"].attrs["units"] == "rad"
+    assert dataset["time"].attrs["units"] == "s" and dataset.sizes == {"case": 200, "time": 1251, "feature": 17}
+    assert {port.name for port in ports.PARAMETERS} <= set(dataset.coords)
+    assert (dataset["driver.coupled_saturation"] == 1).all() and set(dataset["fidelity"].values) == {"ELF+"}
+    assert dataset["done"].all() and (dataset["failure"] == "").all() and dataset["position"].notnull().all()
+    assert dataset.attrs["seed"] == 7 and "EMA_ELF.fmu" in dataset.attrs["fmu_sha256"]
+    table = pq.read_table(undisturbed / "features.parquet")
+    assert table.num_rows == 200 and table.column("fault.friction").to_pylist() == dataset["fault.friction"].values.tolist()
+
+
+def test_a_case_is_the_run_that_a_twin_flies_with_noise_of_the_size_asked(undisturbed, folder):
+    dataset = xr.open_zarr(undisturbed / "campaign.zarr")
+    case = dataset.isel(case=150)
+    given = {name: float(case[name]) for name in ("fault.friction", "fault.N_a")} | FIDELITIES["ELF+"].parameters
+    with Twin(folder / "EMA_ELF.fmu") as twin:
+        alone = twin.run(trial("SIN"), given).isel(time=slice(None, None, 20))
+    current = "equivalent_current_filtered"
+    assert np.array_equal(case[current].values, alone[current].values.astype(np.float32))
+    noise = {"position": 0.001 * float(np.ptp(alone["position"].values)), "motor_speed": 0.5}
+    for name, sigma in noise.items():
+        off = case[name].values - alone[name].values
+        assert np.std(off) == pytest.approx(sigma, rel=0.1)  # 1251 draws: 2 % standard error
+        assert abs(np.mean(off)) < 4.0 * sigma / np.sqrt(off.size)
+
+
+def test_features_against_analytic_truth():
+    t = np.arange(0.0, 2.0, 1e-3)
+    speed = 12.0 * np.pi  # whole turns
+    theta = speed * t
+    current = 2.0 + 0.3 * np.cos(3 * 2.0 * theta) + 0.1 * np.sin(2 * 2.0 * theta)
+    amplitudes = features.harmonics(current, theta, np.full(t.size, speed), 2.0)
+    assert amplitudes == pytest.approx([0.0, 0.1, 0.3, 0.0, 0.0, 0.0], abs=2e-3)
+    kept = {"position": 0.1 * np.sin(2.0 * np.pi * t)}
+    rest = {
+        "command": 0.0 * t,
+        "motor_position": theta,
+        "motor_speed": 0.0 * t + speed,
+        "equivalent_current_filtered": current,
+    }
+    level = {"supply_voltage": 48.0, "supply_current": 2.0, "copper_loss": 3.0, "voltage_saturated": 0.0}
+    whole = {name: 0.0 * t + value for name, value in level.items()}
+    found = features.features(kept, kept | rest, whole, step=1e-3)
+    named = dict(zip(features.names(["position"]), found, strict=True))
+    assert named["position_rms"] == pytest.approx(0.1 / np.sqrt(2.0), rel=1e-6)
+    assert named["tracking_error_max"] == pytest.approx(0.1, rel=1e-6)
+    assert named["energy_supply"] == pytest.approx(48.0 * 2.0 * 1.999) and named["energy_copper"] == pytest.approx(
+        3.0 * 1.999
+    )
+
+
+def test_killed_three_times_it_goes_on_to_the_same_bytes(undisturbed, folder, tmp_path):
+    for killed_at in (1, 2, 3):
+        process = launch(folder, tmp_path, "--workers", "2")
+        while process.poll() is None and batches_done(tmp_path) < killed_at:
+            pass
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        assert killed_at <= batches_done(tmp_path) <= 4
+    last = launch(folder, tmp_path)
+    assert "dataset:" in last.communicate()[0] and last.returncode == 0
+    assert_same(undisturbed, tmp_path)
+
+
+def test_another_scheduler_with_two_workers_gives_the_same_bytes(undisturbed, folder, tmp_path, unused_port):
+    address = f"tcp://127.0.0.1:{unused_port}"
+    dask = [sys.executable, "-m", "dask"]
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
+
+    def quiet(*words: str) -> subprocess.Popen:
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen([*dask, *words], **silent, env=environment, cwd=tmp_path)
+
+    started = [quiet("scheduler", "--host", "127.0.0.1", "--port", str(unused_port), "--no-dashboard")]
+    started += [quiet("worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
+    try:
+        flown = launch(folder, tmp_path / "out", "--scheduler", address)
+        told = flown.communicate()[0]
+        assert flown.returncode == 0, told
+    finally:
+        for process in started:
+            process.terminate()
+            process.wait()
+    assert_same(undisturbed, tmp_path / "out")
+
+
+@pytest.fixture
+def unused_port() -> int:
+    import socket
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_a_case_that_fails_is_recorded_and_stops_nothing(folder, tmp_path):
+    options = {"grid": {"motor.p": [2, 10], "fault.zeta": [0.0, 0.2]}}  # p*zeta = 2 is refused by the FMU
+    with cluster(None, 1) as client:
+        flown = run(read_plan(None, options), client, fmus=folder, out=tmp_path)
+    assert [case for case, _ in flown.failures] == [3] and "zeta" in flown.failures[0][1]
+    dataset = xr.open_zarr(tmp_path / "campaign.zarr")
+    assert dataset["position"].isel(case=3).isnull().all() and dataset["position"].isel(case=[0, 1, 2]).notnull().all()
+    assert pq.read_table(tmp_path / "features.parquet").column("failure").to_pylist()[:3] == ["", "", ""]
+
+
+def test_another_plan_in_the_same_folder_is_refused_and_nothing_lost(undisturbed, folder):
+    before = zarr.open_group(undisturbed / "campaign.zarr", mode="r").attrs["campaign_sha256"]
+    words = ["campaign", *COMMAND, "--seed", "8", "--fmus", str(folder), "--out", str(undisturbed), "--workers", "1"]
+    result = CliRunner().invoke(app, words)
+    assert isinstance(result.exception, HarnessError) and "another campaign" in str(result.exception)
+    assert zarr.open_group(undisturbed / "campaign.zarr", mode="r").attrs["campaign_sha256"] == before

@@ -1,0 +1,201 @@
+"""Faults identified from measured runs: HF is the plant, its faults are the truth."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plant import NOISE, PHASES, as_run, columns, write
+from typer.testing import CliRunner
+
+from harness.cli import app
+from harness.errors import HarnessError
+from harness.fidelity import FIDELITIES
+from harness.identify import faults
+from harness.identify.diagnosis import Diagnosis, identify
+from harness.identify.faults import FAULTS
+from harness.identify.measured import jumps_of, noise_of, read_measured
+
+CASES = {
+    "healthy": ("SIN", {}),
+    "friction": ("CHIRP", {"friction": 2.2}),
+    "backlash": ("SIN", {"backlash": 40.0}),
+    "short": ("CHIRP", {"N_b": 0.85}),
+    "eccentricity": ("SIN", {"zeta": 0.08, "phi": 2.0}),
+    "gain": ("STEP-RAMP", {"gain": 0.75}),
+    "combined": ("CHIRP", {"friction": 1.6, "N_a": 0.9, "backlash": 20.0, "gain": 1.2}),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(fmus: dict[str, Path]) -> Path:
+    return fmus["HF"].parent
+
+
+def diagnose(folder: Path, table: dict[str, np.ndarray], monitor: str = "ELF+", **options: object) -> Diagnosis:
+    return identify(as_run(table), fmus=folder, monitor=FIDELITIES[monitor], **options)
+
+
+@pytest.mark.parametrize("monitor", ["ELF+", "LF"])
+@pytest.mark.parametrize("case", CASES)
+def test_known_faults_are_found_and_only_those_are_alarmed(case, monitor, folder, fmus):
+    trial, truth = CASES[case]
+    found = diagnose(folder, columns(fmus["HF"], trial, truth), monitor)
+    assert not found.complaints
+    alarms = {item.fault for item in found.estimates if item.alarm}
+    assert alarms == {name for name in truth if name != "phi"}
+    for name, value in truth.items():
+        item = found.estimate(name)
+        assert (item.identifiable and item.low <= value <= item.high) or monitor == "LF"
+        assert abs(item.value - value) < (0.25 if name == "phi" else 0.05 * FAULTS[name].span)
+    assert ("healthy" in found.verdict) == (not truth)
+
+
+def test_health_is_one_when_healthy_and_zero_at_the_limit_that_the_user_sets(folder, fmus):
+    table = columns(fmus["HF"], "SIN", {"friction": 2.0})
+    assert diagnose(folder, table).estimate("friction").health == pytest.approx(0.5, abs=0.02)
+    assert diagnose(folder, table, limits={"friction": 1.5}).health == 0.0
+    assert FAULTS["gain"].health(1.5) == FAULTS["gain"].health(0.5) == 0.0 and FAULTS["zeta"].health(0.0) == 1.0
+
+
+def test_phi_is_not_identifiable_without_eccentricity(folder, fmus):
+    found = diagnose(folder, columns(fmus["HF"], "SIN", {}))
+    assert not found.estimate("phi").identifiable and "cannot be told from 0" in found.estimate("phi").reason
+
+
+def test_a_saturated_run_says_less_of_backlash_than_a_slow_one(folder, fmus):
+    width = {}
+    for trial in ("SIN4", "SIN"):
+        item = diagnose(folder, columns(fmus["HF"], trial, {})).estimate("backlash")
+        width[trial] = item.high - item.low
+    assert width["SIN4"] > 3.0 * width["SIN"]
+
+
+def test_rest_carries_no_weight(fmus):
+    run = as_run(columns(fmus["HF"], "STEP-RAMP", {"friction": 2.0}))
+    held = (run.time > 0.6) & (run.time < 1.2)
+    moving = run.time > 1.5
+    assert not run.carries[held].any() and run.carries[moving].mean() > 0.95
+
+
+def test_intervals_cover_the_truth_over_many_noises(folder, fmus):
+    """Eight noises on one run: 95 % intervals of friction and N_a hold it in 6 or more (binomial: 1 % chance of less)."""
+    inside = {"friction": 0, "N_a": 0}
+    clean = columns(fmus["HF"], "CHIRP", {"friction": 1.5, "N_a": 0.9}, rate=500.0, noisy=False)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        table = {name: series + NOISE.get(name, 0.0) * np.ptp(series) * rng.standard_normal(series.size)
+                 for name, series in clean.items()}  # fmt: skip
+        found = diagnose(folder, table)
+        for name, truth in (("friction", 1.5), ("N_a", 0.9)):
+            item = found.estimate(name)
+            inside[name] += item.low <= truth <= item.high
+    assert min(inside.values()) >= 6
+
+
+def test_phase_currents_do_instead_of_the_filtered_one(folder, fmus):
+    table = columns(fmus["HF"], "SIN", {"N_b": 0.8}, rate=10000.0)
+    run = as_run(table, ("position", "motor_speed", *PHASES))
+    found = identify(run, fmus=folder, monitor=FIDELITIES["ELF+"])
+    assert not found.complaints and found.estimate("N_b").value == pytest.approx(0.8, abs=0.03)
+
+
+def test_a_run_that_begins_in_motion(folder, fmus):
+    table = columns(fmus["HF"], "SIN", {"friction": 1.8})
+    cut = {name: series[900:] for name, series in table.items()}
+    found = diagnose(folder, cut)
+    assert not found.complaints and found.estimate("friction").value == pytest.approx(1.8, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (lambda t: t | {"position": np.degrees(t["position"])}, "degrees instead of rad"),
+        (lambda t: t | {"motor_speed": t["motor_speed"] * 30.0 / math.pi}, "rpm instead of rad/s"),
+        (lambda t: t | {"equivalent_current_filtered": -t["equivalent_current_filtered"]}, "the other sign"),
+        (lambda t: t | {"equivalent_current_filtered": t["motor_speed"] + 1.0}, "it looks like motor_speed"),
+    ],
+    ids=["degrees", "rpm", "sign", "wrong column"],
+)
+def test_what_cannot_be_explained_is_said_to_be_so(change, said, folder, fmus):
+    found = diagnose(folder, change(columns(fmus["HF"], "SIN", {}, rate=500.0)))
+    assert found.complaints and said in found.verdict and found.health is None
+    assert not any(item.alarm for item in found.estimates)
+
+
+@pytest.mark.parametrize(
+    "trial, other",
+    [("SIN", {"load_torque": 3.0}), ("SIN", {"fault__open_switch": 1}), ("CHIRP", {"fault__resolver_offset": 0.2})],
+)
+def test_a_fault_outside_the_set_is_not_fitted_quietly(trial, other, folder, fmus):
+    assert diagnose(folder, columns(fmus["HF"], trial, {}, rate=500.0, **other)).complaints
+
+
+def test_weak_magnets_are_remarked_as_such(folder, fmus):
+    found = diagnose(folder, columns(fmus["HF"], "SIN", {}, fault__magnet=0.8))
+    assert any("weaker magnets" in line for line in found.remarks)
+
+
+def test_coordinates_go_both_ways_and_noise_is_measured():
+    truth = {"friction": 2.0, "backlash": 30.0, "N_a": 0.9, "N_b": 1.0, "N_c": 0.8, "zeta": 0.1, "phi": -2.5, "gain": 1.2}
+    assert faults.to_values(faults.from_values(truth)) == pytest.approx(truth)
+    t = np.linspace(0.0, 1.0, 4000)
+    series = np.sin(20.0 * t) + 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    assert noise_of(series) == pytest.approx(0.01, rel=0.1)
+    command = np.where(t < 0.5, 0.1 * t, 0.3 - 0.1 * t)
+    assert np.flatnonzero(jumps_of(command)).tolist() == [np.searchsorted(t, 0.5) - 1]
+
+
+@pytest.mark.parametrize(
+    "spoil, said",
+    [
+        (lambda t: {k: v for k, v in t.items() if k != "motor_speed"}, "no column 'motor_speed'"),
+        (lambda t: {k: v for k, v in t.items() if "current" not in k}, "no column 'equivalent_current_filtered'"),
+        (lambda t: {k: v[::10] for k, v in t.items()}, "at least 500 are needed"),
+        (lambda t: t | {"time": 1e3 * t["time"]}, "at least 500 are needed"),
+        (lambda t: {k: v[:100] for k, v in t.items()}, "0.2 s to 100 s"),
+        (lambda t: t | {"position": 0.0 * t["position"]}, "nothing was measured"),
+        (
+            lambda t: t | {"motor_speed": np.where(t["time"] == t["time"][7], np.nan, t["motor_speed"])},
+            "line 9, column motor_speed",
+        ),
+    ],
+)
+def test_bad_files_get_one_line(spoil, said, fmus, tmp_path):
+    path = write(tmp_path / "run.csv", spoil(columns(fmus["HF"], "SIN", {})))
+    with pytest.raises(HarnessError, match=said) as refusal:
+        read_measured(path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_command_writes_page_and_json_and_ends_with_1_if_unexplained(folder, fmus, tmp_path):
+    table = columns(fmus["HF"], "SIN", {"friction": 2.0}, rate=500.0)
+    good, bad = (
+        write(tmp_path / "good.csv", table),
+        write(tmp_path / "bad.csv", table | {"position": np.degrees(table["position"])}),
+    )
+    common = ["--fmus", str(folder), "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, ["identify", str(good), *common, "--json", str(tmp_path / "good.json")])
+    assert result.exit_code == 0 and "faulty: friction" in result.output
+    told = json.loads((tmp_path / "good.json").read_text())
+    assert told["explained"] and told["faults"]["friction"]["alarm"] and told["evaluations"] > 50
+    page = (tmp_path / "good_identified.html").read_text()
+    assert "faulty: friction" in page and "identified" in page and "http-equiv" not in page
+    result = CliRunner().invoke(app, ["identify", str(bad), *common])
+    assert result.exit_code == 1 and "not explained" in result.output and "ALARM" not in result.output
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (["--monitor", "ELF++"], "did you mean ELF"),
+        (["--set", "fault.friction=2"], "it is what is estimated"),
+        (["--limit", "frction=2"], "did you mean friction"),
+        (["--limit", "friction=1"], "other than 1"),
+        (["--threshold", "2"], "less than 1"),
+    ],
+)
+def test_bad_options_get_one_line(words, said, tmp_path):
+    result = CliRunner().invoke(app, ["identify", str(tmp_path / "none.csv"), *words])
+    assert isinstance(result.exception, HarnessError) and said in str(result.exception)

@@ -1,0 +1,113 @@
+"""Faults over many runs: trends against known growth, and the time of the event against the analytic one."""
+
+import json
+
+import numpy as np
+import pytest
+from plant import columns, write
+from typer.testing import CliRunner
+
+from harness.cli import app
+from harness.errors import HarnessError
+from harness.identify.faults import FAULTS
+from harness.prognosis.growth import follow
+from harness.prognosis.history import read_flights
+
+
+def grown(rate: float, *, n: int = 20, sigma: float = 0.02, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    at = np.arange(float(n))
+    noise = np.random.default_rng(seed).standard_normal(n) * sigma
+    return at, 1.0 + rate * at + noise, np.full(n, sigma)
+
+
+def test_linear_growth_is_the_least_squares_line_and_its_event_where_the_line_meets_the_limit():
+    at, values, sigmas = grown(0.05)
+    trend = follow(FAULTS["friction"], 3.0, at, values, sigmas)
+    slope, intercept = np.polyfit(at, values, 1)
+    assert trend.grows and trend.rate == pytest.approx(slope, rel=0.02)
+    low, median, high = trend.life(0.05, 0.5, 0.95)
+    expected = (3.0 - intercept) / slope - at[-1]
+    assert median == pytest.approx(expected, rel=0.05) and low < expected < high
+    assert trend.health == pytest.approx(1.0 - (slope * at[-1] + intercept - 1.0) / 2.0, abs=0.01)
+
+
+def test_intervals_of_the_time_of_event_cover_the_truth():
+    """Ten histories of known growth: the 90 % interval holds the true time in 7 or more (binomial: 1 % chance of less)."""
+    inside = 0
+    for seed in range(10):
+        low, high = follow(FAULTS["friction"], 3.0, *grown(0.05, n=12, seed=seed)).life(0.05, 0.95)
+        inside += low is not None and low <= 29.0 and (high is None or high >= 29.0)
+    assert inside >= 7
+
+
+def test_no_growth_is_no_event_and_two_runs_say_the_same():
+    trends = [follow(FAULTS["friction"], 3.0, *grown(0.0)) for _ in range(2)]
+    assert not trends[0].grows and trends[0].life(0.5) == [None]
+    assert trends[0].rate == trends[1].rate
+    again = [follow(FAULTS["friction"], 3.0, *grown(0.05)).times_of_event for _ in range(2)]
+    assert np.array_equal(*again)
+
+
+def test_a_fault_that_shrinks_towards_its_limit():
+    at, values, sigmas = grown(0.005, sigma=0.002)
+    trend = follow(FAULTS["N_b"], 0.7, at, 2.0 - values, sigmas)
+    assert trend.grows and trend.life(0.5)[0] == pytest.approx(60.0 - 19.0, rel=0.1)
+
+
+def test_more_scatter_than_the_intervals_say_widens_the_trend():
+    at, values, sigmas = grown(0.05, sigma=0.1)
+    assert (
+        follow(FAULTS["friction"], 3.0, at, values, 0.01 * sigmas).covariance[1, 1]
+        > 0.3 * (follow(FAULTS["friction"], 3.0, at, values, sigmas).covariance[1, 1])
+    )
+
+
+def test_dates_come_from_names_or_a_list_and_else_flights_are_counted(tmp_path):
+    for name in ("2026-01-05.csv", "2026-01-01.csv", "2026-01-05_b.csv"):
+        (tmp_path / name).write_text("")
+    flights, unit = read_flights(tmp_path)
+    assert unit == "days" and [flight.at for flight in flights] == [0.0, 4.0, 4.5]
+    (tmp_path / "list.csv").write_text("date,file\n2026-01-03,2026-01-05.csv\n2026-01-01,2026-01-01.csv\n")
+    flights, unit = read_flights(tmp_path / "list.csv")
+    assert unit == "days" and [flight.path.name for flight in flights] == ["2026-01-01.csv", "2026-01-05.csv"]
+    flights, unit = read_flights(tmp_path)
+    assert unit == "flights" and [flight.at for flight in flights] == [0.0, 1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("day,file\n1,a.csv\n", "columns date and file"),
+        ("date,file\n2026-13-01,run.csv\n", "line 2: '2026-13-01' is not a date"),
+        ("date,file\n2026-01-01,none.csv\n", "line 2: there is no file"),
+    ],
+)
+def test_bad_lists_get_one_line(text, said, tmp_path):
+    (tmp_path / "run.csv").write_text("")
+    (tmp_path / "list.csv").write_text(text)
+    with pytest.raises(HarnessError, match=said):
+        read_flights(tmp_path / "list.csv")
+
+
+def test_command_follows_a_growing_fault_and_leaves_out_what_it_cannot_read(fmus, tmp_path):
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    for week in range(6):
+        table = columns(fmus["HF"], "CHIRP", {"friction": 1.0 + 0.15 * week}, seed=week, rate=500.0)
+        write(runs / f"2026-01-{1 + 5 * week:02d}.csv", table)
+    (runs / "2026-01-28.csv").write_text("time,command\n0,0\n1,0\n")
+    common = ["--fmus", str(fmus["HF"].parent), "--out", str(tmp_path), "--json", str(tmp_path / "outlook.json")]
+    result = CliRunner().invoke(app, ["monitor", str(runs), *common, "--limit", "friction=2.5"])
+    assert result.exit_code == 1 and "left out" in result.output and "friction reaches its limit" in result.output
+    told = json.loads((tmp_path / "outlook.json").read_text())
+    friction = told["faults"]["friction"]
+    assert told["unit"] == "days" and friction["rate"] == pytest.approx(0.03, rel=0.05)
+    assert friction["remaining_useful_life"]["50 %"] == pytest.approx((2.5 - 1.75) / 0.03, rel=0.1)
+    assert not any(fault["grows"] for name, fault in told["faults"].items() if name != "friction")
+    page = (tmp_path / "monitor.html").read_text()
+    assert "Time of the event" in page and "2026-01-28" in page
+
+
+def test_an_empty_folder_gets_one_line(tmp_path):
+    result = CliRunner().invoke(app, ["monitor", str(tmp_path)])
+    assert isinstance(result.exception, HarnessError) and "holds no .csv" in str(result.exception)
