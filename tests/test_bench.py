@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from flight import Flight
 
-from harness.bench import overhead, peers, speed
+from harness.bench import identify, overhead, peers, speed
 from harness.bench.peers import scipy_hf
 from harness.bench.speed import REFERENCE, Check
 from harness.cli import main
+from harness.identify.faults import FAULTS
 
 
 def test_one_run_gives_table_page_and_json(
@@ -36,6 +37,61 @@ def test_one_run_gives_table_page_and_json(
     page = (tmp_path / "bench.html").read_text()
     assert "LOAD-STEP" in page and "http://" not in page.split("</script>")[-1]
     assert "Limits that this project sets itself" in capsys.readouterr().out
+
+
+def test_identification_is_judged_case_by_case(
+    fmus: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two cases with faults and a healthy one; what is printed follows from the estimates in the JSON file."""
+    words = ["bench", "identify", "--cases", "2", "--healthy", "1", "--evolution", "0", "--rate", "1000"]
+    words += ["--fmus", str(fmus["HF"].parent), "--json", str(tmp_path / "b.json"), "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["ema", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    found = json.loads((tmp_path / "b.json").read_text())
+    assert [(entry["case"]["number"], entry["monitor"]) for entry in found["cases"]] == [
+        (number, monitor) for number in range(3) for monitor in ("ELF+", "LF")
+    ]
+    for entry in found["cases"]:
+        truth = entry["case"]["truth"]
+        assert {item["fault"] for item in entry["outcomes"] if item["present"]} == set(truth)
+        for item in entry["outcomes"]:
+            if item["fault"] != "phi":
+                span = FAULTS[item["fault"]].span
+                assert item["error"] == pytest.approx(abs(item["value"] - item["truth"]) / span)
+                assert item["truth"] == truth.get(item["fault"], FAULTS[item["fault"]].healthy)
+            if item["identifiable"]:
+                assert item["covered"] and item["error"] < 0.05  # the 95th percentile that is asked over many
+        assert entry["explained"] and not any(item["false_alarm"] for item in entry["outcomes"])
+    judged = {check["what"]: check["value"] for check in found["checks"]}
+    of_friction = [
+        item["error"] for entry in found["cases"][::2] for item in entry["outcomes"] if item["fault"] == "friction"
+    ]
+    assert judged["friction, all runs: median error, % of its range"] == pytest.approx(100.0 * np.median(of_friction))
+    assert "Limits that this project sets itself" in capsys.readouterr().out
+    assert "Identification, measured" in (tmp_path / "bench_identify.html").read_text()
+
+
+def test_cases_cover_single_and_combined_faults_within_their_ranges() -> None:
+    drawn = identify.cases(60, 20, 1)
+    assert drawn == identify.cases(60, 20, 1) != identify.cases(60, 20, 2)
+    assert [len(case.truth) for case in drawn[60:]] == [0] * 20
+    kinds = [{name[0] if name[0] == "N" else name for name in case.truth} - {"phi"} for case in drawn[:60]]
+    assert all(len(found) == 1 for found in kinds[::2]) and all(len(found) in (2, 3) for found in kinds[1::2])
+    assert set().union(*kinds[::2]) == set(identify.RANGES)
+    for case in drawn:
+        for name, value in case.truth.items():
+            low, high = (-np.pi, np.pi) if name == "phi" else identify.RANGES["N" if name[0] == "N" else name]
+            assert low <= value <= high
+
+
+def test_evolution_that_is_given_up_says_so(fmus: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(identify, "GENERATIONS", 1)
+    monkeypatch.setattr(identify, "POPULATION", 1)
+    found = identify.evolve(identify.cases(1, 0, 1)[0], fmus["HF"].parent, 1000.0)
+    assert not found.reached and found.evaluations == 16  # the first population of 8, and a generation of 8
+    assert found.error > found.least_squares_error
 
 
 def test_a_check_can_fail() -> None:

@@ -46,7 +46,8 @@ class Case:
 class Outcome:
     """One fault of one case as a monitor has it.
 
-    `error`: |estimate - truth| over the fault's span (phi: the angle's error times the true zeta, over zeta's span).
+    `present`: whether the fault is there (phi: whether zeta is not 0). `error`: |estimate - truth| over the fault's span
+    (phi: the angle's error times the true zeta, over zeta's span).
     """
 
     case: int
@@ -54,6 +55,7 @@ class Outcome:
     monitor: str
     fault: str
     truth: float
+    present: bool
     value: float
     error: float
     identifiable: bool
@@ -78,13 +80,19 @@ class Identified:
 @dataclass(frozen=True)
 class Evolved:
     """Differential evolution on a case: evaluations until its sum of squares was as low as that of the least squares, within
-    half a percent; `reached` False if it was given up before. `least_squares` is the number of evaluations of the latter."""
+    half a percent; `reached` False if it was given up before.
+
+    `least_squares`: evaluations of the latter. `error`, `least_squares_error`: the largest over the coordinates of
+    |estimate - truth|, in spans, of both.
+    """
 
     case: int
     trial: str
     evaluations: int
     reached: bool
+    error: float
     least_squares: int
+    least_squares_error: float
 
 
 def cases(count: int, healthy: int, seed: int) -> list[Case]:
@@ -144,6 +152,7 @@ def run_case(case: Case, fmus: Path, rate: float) -> list[Identified]:
                     monitor,
                     item.fault,
                     truth[item.fault],
+                    item.fault in case.truth,
                     item.value,
                     abs(off) / span,
                     item.identifiable,
@@ -172,15 +181,15 @@ def evolve(case: Case, fmus: Path, rate: float) -> Evolved:
         bounds = list(zip(faults.scaled(np.array([1, 1, 0.7, 0.7, 0.7, -0.15, -0.15, 0.5])),
                           faults.scaled(np.array([3, 100, 1, 1, 1, 0.15, 0.15, 1.5])), strict=True))  # fmt: skip
         model.evaluations = 0
-        reached: list[int] = []
+        reached: list[tuple[int, np.ndarray]] = []
 
         def counted(z: np.ndarray) -> float:
             value = cost(z)
             if value <= goal and not reached:
-                reached.append(model.evaluations)
+                reached.append((model.evaluations, z.copy()))
             return value
 
-        differential_evolution(
+        last = differential_evolution(
             counted,
             bounds,
             popsize=POPULATION,
@@ -189,7 +198,9 @@ def evolve(case: Case, fmus: Path, rate: float) -> Evolved:
             rng=case.seed,
             callback=lambda *_, **__: bool(reached),
         )
-        return Evolved(case.number, case.trial, (reached or [model.evaluations])[0], bool(reached), diagnosis.evaluations)
+        evaluations, best = reached[0] if reached else (model.evaluations, last.x)
+    errors = [float(np.max(np.abs(z - faults.from_values(case.truth)))) for z in (best, diagnosis.fit.z)]
+    return Evolved(case.number, case.trial, evaluations, bool(reached), errors[0], diagnosis.evaluations, errors[1])
 
 
 def run(
@@ -225,19 +236,22 @@ def of(found: list[Identified], monitor: str, fault: str) -> list[Outcome]:
 
 
 def checks(found: list[Identified], others: list[Evolved]) -> list[Check]:
-    """The limits that this project sets itself, for ELF+."""
+    """The limits that this project sets itself, for ELF+; errors in all runs, and in those where the fault is present."""
     listed = []
     for fault in FAULTS:
-        known = [out for out in of(found, "ELF+", fault) if out.identifiable]
-        if not known:
-            continue
-        errors = [100.0 * out.error for out in known]
-        covered = 100.0 * sum(out.covered for out in known) / len(known)
-        listed += [
-            Check(f"{fault}: median error, % of its range", float(np.median(errors)), 1.0),
-            Check(f"{fault}: 95th percentile of the error, % of its range", float(np.percentile(errors, 95)), 5.0),
-            Check(f"{fault}: 95 % intervals that cover the truth, %", covered, 85.0, True),
-        ]
+        everywhere = [out for out in of(found, "ELF+", fault) if out.identifiable]
+        present = [out for out in everywhere if out.present]
+        for known, where in ((everywhere, "all runs"), (present, "runs with it")):
+            if not known:
+                continue
+            errors = [100.0 * out.error for out in known]
+            listed += [
+                Check(f"{fault}, {where}: median error, % of its range", float(np.median(errors)), 1.0),
+                Check(f"{fault}, {where}: 95th percentile, % of its range", float(np.percentile(errors, 95)), 5.0),
+            ]
+        if everywhere:
+            covered = 100.0 * sum(out.covered for out in everywhere) / len(everywhere)
+            listed.append(Check(f"{fault}: 95 % intervals that cover the truth, %", covered, 85.0, True))
     elf = [item for item in found if item.monitor == "ELF+"]
     sound = [item for item in elf if not item.case.truth]
     listed += [

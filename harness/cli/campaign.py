@@ -8,6 +8,7 @@ import typer
 
 from harness.cli.build import build_missing
 from harness.cli.options import FmuDir, Settings, TrialFile, required_extra
+from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -95,19 +96,15 @@ def campaign(
 
 
 def _with_progress(run: Any, plan: "Plan", client: Any, *, fmus: Path, out: Path) -> "Flown":
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("cases", total=None)
+    with progress() as shown:
+        task = shown.add_task("cases", total=None)
         flown: Flown = run(
             plan,
             client,
             fmus=fmus,
             out=out,
-            on_start=lambda total, done: progress.update(task, total=total, completed=done),
-            on_cases=lambda cases: progress.advance(task, cases),
+            on_start=lambda total, done: shown.update(task, total=total, completed=done),
+            on_cases=lambda cases: shown.advance(task, cases),
         )
         return flown
 

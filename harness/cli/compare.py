@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.options import JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.terminal import show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ def compare(
     json_file: JsonFile = None,
 ) -> None:
     """Compare any FMU that has the ports with a reference FMU, variable by variable."""
-    from rich.console import Console
-    from rich.table import Table
-
     from harness import results
     from harness.compare import compare as compare_runs
     from harness.fidelity import parse_settings
@@ -50,11 +48,8 @@ def compare(
             (dataset.attrs["trial"], name, dataset) for pair in pairs for name, dataset in zip(names, pair, strict=True)
         ]
         results.write(json_file, results.as_json(entries, comparisons))
-    table = Table(title=f"{names[0]} against {names[1]}")
-    for heading in ("Trial", "Variable", "NRMSE", "Largest error", "at", f"Outside {100 * tube:g} %"):
-        table.add_column(heading, justify="left" if heading in ("Trial", "Variable") else "right")
-    for item in comparisons:
-        table.add_row(
+    rows = [
+        (
             item.trial,
             item.variable,
             percent(item),
@@ -62,4 +57,7 @@ def compare(
             f"{item.t_max_abs:.4f} s",
             f"{100 * item.outside:.2f} %",
         )
-    Console().print(table)
+        for item in comparisons
+    ]
+    heads = ("Trial", "Variable", "NRMSE", "Largest error", "at", f"Outside {100 * tube:g} %")
+    show(f"{names[0]} against {names[1]}", heads, rows, words=("Variable",))

@@ -9,6 +9,7 @@ import typer
 
 from harness.cli.build import build_missing
 from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor
+from harness.cli.terminal import show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -73,17 +74,10 @@ def identify(
 
 
 def _print(found: "Diagnosis") -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from harness.identify.page import HEADS, rows
 
-    shown = Table(title=f"{found.name}, {found.monitor}: {found.evaluations} runs of the FMU in {found.seconds:.1f} s")
-    for head in HEADS:
-        shown.add_column(head, justify="left" if head in ("Fault", "") else "right")
-    for row in rows(found):
-        shown.add_row(*row)
     if not found.complaints:
-        Console().print(shown)
+        caption = f"{found.name}, {found.monitor}: {found.evaluations} runs of the FMU in {found.seconds:.1f} s"
+        show(caption, HEADS, rows(found), words=("",))
     for line in (found.verdict, *found.remarks):
         typer.echo(line)

@@ -9,6 +9,7 @@ import typer
 
 from harness.cli.build import build_missing
 from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor, required_extra
+from harness.cli.terminal import progress, show
 
 if TYPE_CHECKING:
     from harness.prognosis.outlook import Outlook
@@ -31,9 +32,6 @@ def monitor(
     """
     import json
 
-    from rich.console import Console
-    from rich.progress import track
-
     from harness import results
     from harness.fidelity import FMU_DIR
     from harness.identify.faults import FAULTS, parse_limits
@@ -50,17 +48,18 @@ def monitor(
     if json_file:
         results.prepare_file(json_file)
     build_missing([model], fmus or FMU_DIR, own=fmus is None)
-    steps = iter(track(flights, "identifying", console=Console(stderr=True), transient=True))
-    history = identify_all(
-        flights,
-        fmus=fmus or FMU_DIR,
-        monitor=model,
-        parameters=parameters,
-        limits=ends,
-        threshold=threshold,
-        workers=workers,
-        on_flight=lambda: next(steps, None),
-    )
+    with progress() as shown:
+        task = shown.add_task("identifying", total=len(flights))
+        history = identify_all(
+            flights,
+            fmus=fmus or FMU_DIR,
+            monitor=model,
+            parameters=parameters,
+            limits=ends,
+            threshold=threshold,
+            workers=workers,
+            on_flight=lambda: shown.advance(task),
+        )
     seen = outlook(history, ends, unit)
     results.write(out / "monitor.html", page(seen, history, shlex.join(["ema", *sys.argv[1:]])))
     if json_file:
@@ -72,17 +71,9 @@ def monitor(
 
 
 def _print(seen: "Outlook") -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from harness.prognosis.page import HEADS, rows
 
-    shown = Table(title=f"{seen.runs} runs; times in {seen.unit}")
-    for head in HEADS:
-        shown.add_column(head, justify="left" if head in (HEADS[0], HEADS[-1]) else "right")
-    for row in rows(seen):
-        shown.add_row(*row)
-    Console().print(shown)
+    show(f"{seen.runs} runs; times in {seen.unit}", HEADS, rows(seen), words=(HEADS[-1],))
     for line in seen.problems:
         typer.echo(f"left out: {line}")
     typer.echo(seen.verdict)

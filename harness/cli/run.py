@@ -9,6 +9,7 @@ import typer
 
 from harness.cli.build import build_missing
 from harness.cli.options import FmuDir, JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.terminal import progress, show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -96,29 +97,25 @@ def _fly(
     *,
     isolate: bool,
 ) -> "Experiment":
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
     from harness.experiment import fly
     from harness.interrupt import held
 
     names = {reference.name, *(fidelity.name for fidelity in fidelities)}
     points = len(names) * sum(len(trial.time) - 1 for trial in trials)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with held() as check, Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with held() as check, progress() as shown:
 
         def advance(done: int) -> None:
             check()
-            progress.advance(task, done)
+            shown.advance(task, done)
 
-        task = progress.add_task("starting", total=points)
+        task = shown.add_task("starting", total=points)
         return fly(
             trials,
             fidelities,
             reference,
             fmus=folder,
             parameters=parameters,
-            on_run=lambda trial, name: progress.update(task, description=f"{trial} {name}"),
+            on_run=lambda trial, name: shown.update(task, description=f"{trial} {name}"),
             on_progress=advance,
             isolate=isolate,
         )
@@ -145,14 +142,9 @@ def _switch(
 
 
 def _print_table(experiment: "Experiment") -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from harness.report import FIGURES, errors_of, percent
 
-    table = Table(title=f"Errors against {experiment.reference} (NRMSE), and wall time")
-    for heading in ("Trial", "Fidelity", "position", "motor_speed", "current, filtered", "wall s / simulated s"):
-        table.add_column(heading, justify="left" if heading in ("Trial", "Fidelity") else "right")
+    rows: list[tuple[str, ...]] = []
     for trial in dict.fromkeys(trial for trial, _ in experiment.runs):
         for (name, fidelity), dataset in experiment.runs.items():
             if name != trial:
@@ -160,6 +152,7 @@ def _print_table(experiment: "Experiment") -> None:
             errors = errors_of(experiment, trial, fidelity)
             cells = [percent(errors.get(variable)) for variable, _ in FIGURES]
             wall = dataset.attrs["wall_s"] / dataset.attrs["simulated_s"]
-            table.add_row(trial, fidelity, *cells, f"{wall:.4f}")
-        table.add_section()
-    Console().print(table)
+            rows.append((trial, fidelity, *cells, f"{wall:.4f}"))
+        rows.append(())
+    heads = ("Trial", "Fidelity", "position", "motor_speed", "current, filtered", "wall s / simulated s")
+    show(f"Errors against {experiment.reference} (NRMSE), and wall time", heads, rows, words=("Fidelity",))

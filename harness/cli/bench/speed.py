@@ -8,6 +8,7 @@ import typer
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import build_missing
 from harness.cli.options import FmuDir, JsonFile
+from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -81,13 +82,9 @@ def speed(
 
 
 def _with_progress(run: "Callable[[Callable[[str], None]], Speed]", total: int) -> "Speed":
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("starting", total=total)
-        return run(lambda text: progress.update(task, description=text, advance=1))
+    with progress() as shown:
+        task = shown.add_task("starting", total=total)
+        return run(lambda text: shown.update(task, description=text, advance=1))
 
 
 def _percent(error: float | None) -> str:

@@ -2,9 +2,14 @@
 
 from typing import TYPE_CHECKING
 
+from harness.cli import terminal
+
 if TYPE_CHECKING:
     from harness.bench.page import Table
     from harness.bench.speed import Check
+
+WORDS = ("Fidelity", "Trial", "runs", "paper, a run", "computes", "does not", "same bits", "")
+"""Headings of columns that hold words."""
 
 
 def check_table(checks: "list[Check]") -> "Table":
@@ -19,16 +24,6 @@ def check_table(checks: "list[Check]") -> "Table":
 
 def show(table: "Table") -> None:
     """Print a table; nothing if it has no rows."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table as Shown
-
     caption, heads, rows = table
-    if not rows:
-        return
-    shown = Shown(title=caption)
-    for head in heads:
-        shown.add_column(head)
-    for row in rows:
-        shown.add_row(*map(escape, row))
-    Console().print(shown)
+    if rows:
+        terminal.show(caption, heads, rows, words=WORDS)

@@ -1,0 +1,41 @@
+"""What the commands show on a terminal: tables on stdout, progress on stderr."""
+
+import os
+import sys
+from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+WIDE = 220
+"""Characters a line of what is no terminal: a file or a pipe folds nothing."""
+
+
+def show(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, words: Collection[str] = ()) -> None:
+    """Print a table of plain texts; columns of figures stand to the right, the first and those named in `words` to the left.
+
+    An empty row draws a line.
+    """
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    shown = Table(title=caption)
+    for place, head in enumerate(heads):
+        shown.add_column(head, justify="left" if place == 0 or head in words else "right", overflow="fold")
+    for row in rows:
+        if row:
+            shown.add_row(*map(escape, row))
+        else:
+            shown.add_section()
+    Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else WIDE).print(shown)
+
+
+def progress() -> "Progress":
+    """A bar with counts and the time left; a context manager that leaves nothing behind."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True), transient=True)
