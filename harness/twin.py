@@ -84,7 +84,7 @@ class Twin(Component):
                 step=trial.step,
                 stimuli=self._stimuli(trial, inputs),
                 wanted=master.References(
-                    real=self._references(reals), boolean=self._references([port for port in outputs if port not in reals])
+                    real=self._references(reals), boolean=self._references([port for port in outputs if port.kind != "Real"])
                 ),
                 on_progress=on_progress,
                 into=into,

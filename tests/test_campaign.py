@@ -166,9 +166,9 @@ def test_features_against_analytic_truth():
         "motor_speed": 0.0 * t + speed,
         "equivalent_current_filtered": current,
     }
-    level = {"supply_voltage": 48.0, "supply_current": 2.0, "copper_loss": 3.0, "voltage_saturated": 0.0}
+    level = {"supply_current": 2.0, "copper_loss": 3.0, "voltage_saturated": 0.0}
     whole = {name: 0.0 * t + value for name, value in level.items()}
-    found = features.features(kept, kept | rest, whole, step=1e-3)
+    found = features.features(kept, kept | rest, whole, 48.0, step=1e-3)
     named = dict(zip(features.names(["position"]), found, strict=True))
     assert named["position_rms"] == pytest.approx(0.1 / np.sqrt(2.0), rel=1e-6)
     assert named["tracking_error_max"] == pytest.approx(0.1, rel=1e-6)

@@ -95,7 +95,8 @@ class Store:
         for place, name in enumerate(self.plan.outputs):
             self._arrays[name][rows] = result.values[:, place]
         self._arrays["features"][rows] = result.features
-        self._arrays["failure"][rows] = np.array([reason[:REASON] for reason in result.failures], dtype=f"<U{REASON}")
+        if any(result.failures):
+            self._arrays["failure"][rows] = np.array([reason[:REASON] for reason in result.failures], dtype=f"<U{REASON}")
         self._arrays["done"][rows] = True
 
     def finish(self) -> list[tuple[int, str]]:

@@ -25,6 +25,10 @@ from harness.twin import Twin
 Array = NDArray[np.float64]
 
 
+SUPPLY = float(ports.VARIABLES[ports.INDEX["supply_voltage"]].start)
+"""Of a run that is given none [V]."""
+
+
 @dataclass(frozen=True)
 class Shared:
     """What all cases of a campaign share, by its `digest`; `fmus`: file name -> SHA-256 and content."""
@@ -111,20 +115,22 @@ def fly(batch: Batch) -> Result:
         flown, fidelity = shared.trials[batch.trial[place]], shared.fidelities[batch.fidelity[place]]
         parameters = dict(zip(batch.names, batch.values[place].tolist(), strict=True)) | fidelity.parameters
         try:
-            twin, buffer = _twin(*shared.fmus[fidelity.fmu]), _buffer((len(flown.time), len(recorded)))
+            twin = _twin(*shared.fmus[fidelity.fmu])
+            buffer = _buffer((len(flown.inputs["command"]), len(recorded)))
             run, wall = twin.record(flown, parameters, recorded, into=buffer)
-            if not np.isfinite(run.sum()):
+            columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
+            at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in columns.items()}
+            kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])
+            seen = at_rate | kept | {"command": flown.inputs["command"][:: shared.every]}
+            supply = flown.inputs.get("supply_voltage", parameters.get("supply_voltage", SUPPLY))
+            pairs = parameters.get("motor.p", features.PAIRS)
+            row = features.features(kept, seen, columns, supply, step=flown.step, pairs=pairs)
+            if not np.isfinite(row).all():  # they are made of all that is kept
                 raise HarnessError(f"{fidelity.fmu}: an output is no finite number")
         except HarnessError as error:
             failures[place] = str(error)
             continue
-        columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
-        held = {"command": flown.inputs["command"], "supply_voltage": _supply(flown, parameters)}
-        at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in (columns | held).items()}
-        kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])
-        values[place] = np.array(list(kept.values()))
-        pairs = parameters.get("motor.p", features.PAIRS)
-        found[place] = features.features(kept, at_rate | kept, columns | held, step=flown.step, pairs=pairs)
+        values[place], found[place] = list(kept.values()), row
         seconds += wall
     return Result(values, found, failures, seconds)
 
@@ -133,14 +139,6 @@ def _recorded(outputs: tuple[str, ...]) -> list[ports.Variable]:
     """The outputs that are kept or that features need: Reals first, then Booleans."""
     wanted = [port for port in ports.OUTPUTS if port.name in outputs or port.name in features.NEEDED]
     return sorted(wanted, key=lambda port: port.kind == "Boolean")
-
-
-def _supply(flown: Trial, parameters: Mapping[str, float]) -> Array:
-    name = "supply_voltage"
-    if name in flown.inputs:
-        return flown.inputs[name]
-    held = parameters.get(name, ports.VARIABLES[ports.INDEX[name]].start)
-    return np.broadcast_to(held, len(flown.inputs["command"]))
 
 
 def _noisy(kept: dict[str, Array], noise: Mapping[str, Noise], seed: list[int]) -> dict[str, Array]:
