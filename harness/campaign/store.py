@@ -23,6 +23,8 @@ from harness.errors import HarnessError
 
 BATCH = 64
 """Cases a batch, and a chunk."""
+ROWS = 65536
+"""Cases of the Parquet file that are in memory at a time."""
 REASON = 200
 """Characters kept of the reason why a case failed."""
 STORE, FEATURES = "campaign.zarr", "features.parquet"
@@ -61,26 +63,34 @@ class Store:
     def _create(self, digest: str, fmus: Mapping[str, str]) -> None:
         """The empty store, under another name until it is whole."""
         made = self.path.with_suffix(".new")
-        dataset = _empty(self.plan, digest, fmus)
+        dataset = _coordinates(self.plan, digest, fmus)
         whole = {name: {"chunks": variable.shape or (1,)} for name, variable in dataset.coords.items()}
-        filled = {name: {"chunks": (BATCH, *variable.shape[1:])} for name, variable in dataset.data_vars.items()}
+        features_of_each = len(features.names(self.plan.outputs))
         try:
-            dataset.to_zarr(made, mode="w", encoding=whole | filled, zarr_format=2, consolidated=False)
+            dataset.to_zarr(made, mode="w", encoding=whole, zarr_format=2, consolidated=False)
             group = zarr.open_group(made, mode="r+")
             for name in self.plan.outputs:
                 port = ports.VARIABLES[ports.INDEX[name]]
-                group.create_array(
-                    name,
-                    shape=(len(self.table), len(self.plan.time)),
-                    chunks=(BATCH, len(self.plan.time)),
-                    dtype="float32",
-                    fill_value=np.nan,
-                    attributes={"_ARRAY_DIMENSIONS": ["case", "time"], "units": port.unit, "long_name": port.description},
-                )
+                told = {"units": port.unit, "long_name": port.description}
+                self._add(group, name, "float32", np.nan, told, time=len(self.plan.time))
+            self._add(group, "features", "float64", np.nan, {}, feature=features_of_each)
+            self._add(group, "failure", f"<U{REASON}", None, {"long_name": "Why the case failed; empty if not"})
+            self._add(group, "done", "bool", None, {"long_name": "Whether the case has been flown"})
             zarr.consolidate_metadata(made, zarr_format=2)
             made.rename(self.path)
         except OSError as error:
             raise HarnessError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def _add(self, group: zarr.Group, name: str, kind: str, fill: Any, told: dict[str, str], **others: int) -> None:
+        """An array over the cases, and over the dimensions `others` (name = size), that takes no room until it is filled."""
+        group.create_array(
+            name,
+            shape=(len(self.table), *others.values()),
+            chunks=(BATCH, *others.values()),
+            dtype=kind,
+            fill_value=fill,
+            attributes={"_ARRAY_DIMENSIONS": ["case", *others], **told},
+        )
 
     def batches(self) -> list[range]:
         """The cases of each batch that is still to be flown."""
@@ -101,32 +111,36 @@ class Store:
 
     def finish(self) -> list[tuple[int, str]]:
         """Write the features as Parquet; number and reason of each case that failed."""
-        dataset = xr.open_zarr(self.path)
+        made, failed = self._features.with_suffix(".new"), []
+        writer: pq.ParquetWriter | None = None
+        for first in range(0, len(self.table), ROWS):
+            part = self._dataframe(slice(first, first + ROWS))
+            writer = writer or pq.ParquetWriter(made, part.schema)
+            writer.write_table(part)
+            reasons = enumerate(part.column("failure").to_pylist(), start=first)
+            failed += [(case, reason) for case, reason in reasons if reason]
+        assert writer is not None  # a plan has at least one case
+        writer.close()
+        made.replace(self._features)
+        return failed
+
+    def _dataframe(self, cases: slice) -> pa.Table:
+        """Parameters, features and failures of some cases, for the Parquet file."""
+        dataset = xr.open_zarr(self.path).isel(case=cases)
         columns: dict[str, Any] = {"case": dataset["case"].values}
         columns |= {name: dataset[name].values for name in ("trial", "fidelity", *self.table.names, "failure")}
         values = dataset["features"].values
         columns |= {str(name): values[:, place] for place, name in enumerate(dataset["feature"].values)}
-        table = pa.table(columns).replace_schema_metadata({"campaign_sha256": dataset.attrs["campaign_sha256"]})
-        made = self._features.with_suffix(".new")
-        pq.write_table(table, made)
-        made.replace(self._features)
-        reasons = dataset["failure"].values
-        return [(int(case), str(reasons[case])) for case in np.flatnonzero(reasons != "")]
+        return pa.table(columns).replace_schema_metadata({"campaign_sha256": self.digest})
 
 
-def _empty(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
-    """All of the dataset but the outputs, which would take memory."""
+def _coordinates(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
+    """What is known of the dataset before a case is flown."""
     table = plan.table()
-    count = len(table)
-    data: dict[str, Any] = {}
-    found = features.names(plan.outputs)
-    data["features"] = (("case", "feature"), np.full((count, len(found)), np.nan))
-    data["failure"] = ("case", np.full(count, "", dtype=f"<U{REASON}"), {"long_name": "Why the case failed; empty if not"})
-    data["done"] = ("case", np.zeros(count, dtype=bool), {"long_name": "Whether the case has been flown"})
     coordinates: dict[str, Any] = {
-        "case": np.arange(count),
+        "case": np.arange(len(table)),
         "time": ("time", plan.time, {"units": "s"}),
-        "feature": np.array(found),
+        "feature": np.array(features.names(plan.outputs)),
         "trial": ("case", np.array([flown.name for flown in plan.trials])[table.trial]),
         "fidelity": ("case", np.array([fidelity.name for fidelity in plan.fidelities])[table.fidelity]),
     }
@@ -140,7 +154,7 @@ def _empty(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
         "noise": json.dumps({name: vars(noise) for name, noise in plan.noise.items()}),
         "versions": json.dumps({"ema-twins": __version__} | {name: version(name) for name in ("fmpy", "numpy", "scipy")}),
     }
-    return xr.Dataset(data, coords=coordinates, attrs=attributes)
+    return xr.Dataset(coords=coordinates, attrs=attributes)
 
 
 def _parameters(plan: Plan) -> dict[str, np.ndarray]:

@@ -90,9 +90,9 @@ class SharedByWorkers(WorkerPlugin):
         short = [
             replace(flown, inputs={n: series[:2] for n, series in flown.inputs.items()}) for flown in self.shared.trials
         ]
-        for digest, content in self.shared.fmus.values():
+        for name, (digest, content) in self.shared.fmus.items():
             with contextlib.suppress(HarnessError):  # each case will say so
-                _twin(digest, content).record(short[0], {}, _recorded(self.shared.outputs))
+                _twin(name, digest, content).record(short[0], {}, _recorded(self.shared.outputs))
 
     def teardown(self, worker: object) -> None:
         _shared.pop(self.shared.digest, None)
@@ -115,7 +115,7 @@ def fly(batch: Batch) -> Result:
         flown, fidelity = shared.trials[batch.trial[place]], shared.fidelities[batch.fidelity[place]]
         parameters = dict(zip(batch.names, batch.values[place].tolist(), strict=True)) | fidelity.parameters
         try:
-            twin = _twin(*shared.fmus[fidelity.fmu])
+            twin = _twin(fidelity.fmu, *shared.fmus[fidelity.fmu])
             buffer = _buffer((len(flown.inputs["command"]), len(recorded)))
             run, wall = twin.record(flown, parameters, recorded, into=buffer)
             columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
@@ -162,15 +162,15 @@ def _buffer(shape: tuple[int, int]) -> Array:
     return buffer
 
 
-def _twin(digest: str, content: bytes) -> Twin:
-    """The open twin of an FMU by its content."""
+def _twin(name: str, digest: str, content: bytes) -> Twin:
+    """The open twin of the FMU `name`, by its content."""
     twins: dict[str, Twin] = vars(_own).setdefault("twins", {})
     if digest not in twins:
         if hashlib.sha256(content).hexdigest() != digest:
             raise HarnessError(f"the FMU that came is not the one that was sent: its SHA-256 is not {digest[:12]}...")
         folder = Path(tempfile.mkdtemp(prefix="ema_campaign_"))
         try:
-            path = folder / f"{digest[:12]}.fmu"
+            path = folder / name
             path.write_bytes(content)
             twins[digest] = Twin(path)
         except OSError as error:
