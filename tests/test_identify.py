@@ -16,6 +16,7 @@ from harness.identify import faults
 from harness.identify.diagnosis import Diagnosis, identify
 from harness.identify.faults import FAULTS
 from harness.identify.measured import jumps_of, noise_of, read_measured
+from harness.trials import BUILT_IN
 
 CASES = {
     "healthy": ("SIN", {}),
@@ -108,6 +109,13 @@ def test_phase_currents_do_instead_of_the_filtered_one(folder, fmus):
     run = as_run(table, ("position", "motor_speed", *PHASES))
     found = identify(run, fmus=folder, monitor=FIDELITIES["ELF+"])
     assert not found.complaints and found.estimate("N_b").value == pytest.approx(0.8, abs=0.03)
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_run_from_rest_is_seen_as_such(name, noisy, fmus):
+    run = as_run(columns(fmus["HF"], name, {}, noisy=noisy))
+    assert run.initial.get("initial.motor_speed", 0.0) == 0.0 and run.carries[run.time < 0.2].any()
 
 
 def test_a_run_that_begins_in_motion(folder, fmus):

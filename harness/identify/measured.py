@@ -28,8 +28,9 @@ JUMP = 8.0
 """A change of the command between two rows that is as many times its neighbours' is a jump, not a slope."""
 START = 0.01
 """Of a run [s], whose rows give the state at its start."""
-REST = 0.02
-"""A run starts at rest if it is as near to its command, and its speed to zero, as this fraction of their ranges."""
+REST = 0.01
+"""A run starts at rest if its speed is as near to zero as this fraction of its range (ours: twice what a straight line
+misses of a start from rest), or as four times the noise; and at its command likewise."""
 SETTLE = 0.2
 """Of a run that starts in motion [s]: left out, as the speed loop's integral at its start is not measured."""
 STUCK = 0.02
@@ -138,15 +139,13 @@ def _start(
     first = time <= time[0] + START
     t = time[first] - time[0]
     position, speed = (np.polynomial.polynomial.polyfit(t, channels[name][first], 1) for name in ("position", "motor_speed"))
-    spread = {name: np.std(np.diff(channels[name])) for name in ("position", "motor_speed")}  # at least the noise
-    count = np.sqrt(first.sum())
-    if (
-        abs(speed[0]) <= 4.0 * spread["motor_speed"] / count
-        and abs(position[0] - command[0]) <= 4.0 * spread["position"] / count
-    ):
-        at, moves = float(command[0]), 0.0  # a servo at rest stands at its command
-    else:
-        at, moves = float(position[0]), float(speed[0])
+    near = {}
+    for name in ("position", "motor_speed"):
+        series = channels[name]
+        near[name] = max(REST * np.ptp(series), 4.0 * np.std(np.diff(series)) / np.sqrt(first.sum()))
+    moves = 0.0 if abs(speed[0]) <= near["motor_speed"] else float(speed[0])
+    stands = moves == 0.0 and abs(position[0] - command[0]) <= near["position"]
+    at = float(command[0] if stands else position[0])  # a servo at rest stands at its command, unless that has just jumped
     ratio = parameters.get("gear.ratio", ports.VARIABLES[ports.INDEX["gear.ratio"]].start)
     state = {"initial.motor_position": ratio * at, "initial.position": at, "initial.motor_speed": moves}
     return ({} if at == 0.0 and moves == 0.0 else state), moves != 0.0

@@ -168,12 +168,14 @@ def _predict(
     result = MonteCarlo(model).predict(
         state, n_samples=SAMPLES, t0=now, dt=step, horizon=horizon, save_freq=step, events=[EVENT]
     )
-    times = [sample[EVENT] for sample in result.time_of_event]
-    reached = np.array([time for time in times if time is not None], dtype=float)
-    grid = np.array(result.times)
-    levels = np.full((len(times), len(grid)), np.nan)
-    for row, run in enumerate(result.states):
+    ends = [sample[EVENT] for sample in result.time_of_event]
+    grid, times = np.array(result.times), []
+    levels = np.full((len(ends), len(grid)), limit)  # where a sample has reached it
+    for row, (run, end) in enumerate(zip(result.states, ends, strict=True)):
         series = [float(x["level"]) for x in run]
         levels[row, : len(series)] = series
-        levels[row, len(series) :] = limit  # it has reached it
-    return reached, len(reached) / len(times), (grid, np.percentile(levels, [5, 50, 95], axis=0))
+        if end is not None:  # the first step beyond the limit; the last state before it says where in between
+            before = float(grid[len(series) - 1])
+            crossed = before + (limit - series[-1]) / (float(run[-1]["rate"]) or math.inf)
+            times.append(min(max(crossed, before), float(end)))
+    return np.array(times), len(times) / len(ends), (grid, np.percentile(levels, [5, 50, 95], axis=0))

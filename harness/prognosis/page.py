@@ -55,7 +55,7 @@ def page(outlook: Outlook, history: Sequence[Identified], command: str) -> str:
 def figure(outlook: Outlook) -> go.Figure:
     """A row for each fault, those that grow first."""
     trends = sorted(outlook.trends.values(), key=lambda trend: not trend.grows)
-    drawing = make_subplots(rows=len(trends), cols=1, vertical_spacing=0.35 / (len(trends) + 3))
+    drawing = make_subplots(rows=len(trends), cols=1, vertical_spacing=0.45 / (len(trends) + 3))
     for row, trend in enumerate(trends, start=1):
         first = row == 1
         grid, (low, middle, high) = trend.forecast

@@ -136,7 +136,5 @@ def _evolution_table(others: "list[Evolved]") -> "Table":
         for item in others
     ]
     heads = ("Case", "Trial", "least squares", "differential evolution", "ratio", "error, least squares", "error, evolution")
-    caption = (
-        "Evaluations of ELF+ until the sum of squares is that of the least squares, within 0.5 %, and the largest error then"
-    )
+    caption = "Runs of ELF+ until the sum of squares is that of the least squares (within 0.5 %), and the largest error then"
     return caption, heads, rows
