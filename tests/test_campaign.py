@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from ema_fmu_src import ports
 from harness.campaign import features
-from harness.campaign.plan import read_plan
+from harness.campaign.planfile import read_plan
 from harness.campaign.run import cluster, run
 from harness.cli import app
 from harness.errors import HarnessError

@@ -64,7 +64,7 @@ def campaign(
     from harness.trials import read_trial
 
     with required_extra("campaign"):
-        from harness.campaign.plan import parse_assignments, parse_numbers, read_plan
+        from harness.campaign.planfile import parse_assignments, parse_numbers, read_plan
         from harness.campaign.run import cluster, run
 
     options: dict[str, Any] = {}

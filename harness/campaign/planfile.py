@@ -1,0 +1,202 @@
+"""A plan from a TOML file and from options: every value is checked, and what cannot be flown is told with its place."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ema_fmu_src import ports
+from harness.campaign.plan import OUTPUTS, RATE, SAMPLINGS, Noise, Plan
+from harness.csvfile import read_numbers
+from harness.errors import HarnessError, unknown
+from harness.fidelity import check_value, parse_fidelities, settable
+from harness.trials import Trial, trial
+
+KEYS = ("trials", "fidelities", "samples", "sampling", "seed", "ranges", "grid", "cases", "set", "noise", "outputs", "rate")
+MOST_CASES = 10_000_000
+RECORDED = {port.name: port for port in ports.OUTPUTS}
+
+
+def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None = None) -> Plan:
+    """A plan from a TOML file (keys KEYS) and `options` of the same names, which take precedence; `own` is flown too.
+
+    HarnessError that names file and key for whatever cannot be flown.
+    """
+    given = _toml(path) if path else {}
+    where = {key: f"{path}, {key}" for key in given}
+    for key, value in options.items():
+        given[key], where[key] = value, "--range" if key == "ranges" else f"--{key}"
+    if path and isinstance(given.get("cases"), str) and where["cases"] != "--cases":
+        given["cases"] = path.parent / given["cases"]
+    at = where.get
+    trials = _trials(given.get("trials", [] if own else ["SIN"]), str(at("trials")))
+    plan = Plan(
+        trials=(*trials, *([own] if own else [])),
+        fidelities=tuple(parse_fidelities(",".join(_texts(given.get("fidelities", ["ELF+"]), str(at("fidelities")))))),
+        ranges={n: _pair(n, v, f"{at('ranges')}, {n}") for n, v in _mapping(given, "ranges", at("ranges")).items()},
+        grid={n: _values(n, v, f"{at('grid')}, {n}") for n, v in _mapping(given, "grid", at("grid")).items()},
+        listed=_listed(given["cases"], str(at("cases"))) if "cases" in given else {},
+        fixed={n: _values(n, [v], f"{at('set')}, {n}")[0] for n, v in _mapping(given, "set", at("set")).items()},
+        noise={n: _noise(n, v, f"{at('noise')}, {n}") for n, v in _mapping(given, "noise", at("noise")).items()},
+        outputs=_outputs(given.get("outputs", list(OUTPUTS)), str(at("outputs"))),
+        samples=_whole(given.get("samples", 1), at("samples"), least=1),
+        sampling=_choice(given.get("sampling", "lhs"), str(at("sampling"))),
+        seed=_whole(given.get("seed", 0), at("seed"), least=0),
+        rate=_number(given.get("rate", RATE), str(at("rate"))),
+    )
+    _check(plan, where)
+    return plan
+
+
+def _check(plan: Plan, where: Mapping[str, str]) -> None:
+    names = [*plan.ranges, *plan.grid, *plan.listed, *plan.fixed]
+    for name in names:
+        if names.count(name) > 1:
+            raise HarnessError(f"{name} is given twice, by ranges, grid, cases or set; once is enough")
+    if plan.listed and (plan.ranges or plan.samples > 1):
+        raise HarnessError(f"{where['cases']}: the file lists the cases; ranges and samples cannot be given beside it")
+    if plan.samples > 1 and not plan.ranges and not plan.noise:
+        raise HarnessError(f"{where.get('samples')}: {plan.samples} samples of no range would all be the same; give ranges")
+    first = plan.trials[0]
+    for flown in plan.trials[1:]:
+        if flown.start != first.start or flown.step != first.step or len(flown.time) != len(first.time):
+            raise HarnessError(
+                f"the trials {first.name} and {flown.name} have other times; one campaign needs the same for all"
+            )
+    steps = 1.0 / (plan.rate * first.step)
+    if steps < 1.0 - 1e-9 or abs(steps - round(steps)) > 1e-6:
+        raise HarnessError(
+            f"{where.get('rate')}: {plan.rate:g} Hz does not divide {1.0 / first.step:g} Hz, the rate of the runs"
+        )
+    rows = len(next(iter(plan.listed.values()))) if plan.listed else plan.samples
+    count = rows * len(plan.trials) * len(plan.fidelities) * int(np.prod([len(v) for v in plan.grid.values()]))
+    if count > MOST_CASES:
+        raise HarnessError(f"{count} cases are more than {MOST_CASES}; split the campaign")
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise HarnessError(f"{path}: cannot be read: {error.strerror}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise HarnessError(f"{path}: is not TOML: {error}") from None
+    for key in given:
+        if key not in KEYS:
+            raise unknown(f"key in {path}:", key, KEYS)
+    return given
+
+
+def _mapping(given: Mapping[str, Any], key: str, where: str | None) -> dict[str, Any]:
+    value = given.get(key, {})
+    if not isinstance(value, dict):
+        raise HarnessError(f"{where}: a table of names is needed, such as [{key}]")
+    return _flat(value)
+
+
+def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """TOML reads `fault.N_a = 1` as a table in a table: names with dots again."""
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
+    return flat
+
+
+def _texts(value: Any, where: str) -> list[str]:
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not texts or not all(isinstance(text, str) for text in texts):
+        raise HarnessError(f"{where}: a list of names is needed")
+    return texts
+
+
+def _trials(value: Any, where: str) -> tuple[Trial, ...]:
+    return tuple(trial(name) for name in dict.fromkeys(_texts(value, where))) if value else ()
+
+
+def _outputs(value: Any, where: str) -> tuple[str, ...]:
+    names = _texts(value, where)
+    for name in names:
+        if name not in RECORDED:
+            raise unknown("output", name, RECORDED)
+    return tuple(sorted(dict.fromkeys(names), key=list(RECORDED).index))
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        raise HarnessError(f"{where}: a number above 0 is needed, not {value!r}")
+    return float(value)
+
+
+def _whole(value: Any, where: str | None, *, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise HarnessError(f"{where}: a whole number of {least} or more is needed, not {value!r}")
+    return value
+
+
+def _choice(value: Any, where: str) -> str:
+    if value not in SAMPLINGS:
+        raise HarnessError(f"{where}: {' or '.join(SAMPLINGS)} is needed, not {value!r}")
+    return str(value)
+
+
+def _values(name: str, values: Any, where: str) -> tuple[float, ...]:
+    variable = settable(name, where)
+    if not isinstance(values, list | tuple) or not values:
+        raise HarnessError(f"{where}: a list of values is needed, such as [1.0, 0.9]")
+    for value in values:
+        if not isinstance(value, int | float):
+            raise HarnessError(f"{where}: {value!r} is not a number")
+        check_value(variable, float(value), where)
+    return tuple(float(value) for value in values)
+
+
+def _pair(name: str, values: Any, where: str) -> tuple[float, float]:
+    if not isinstance(values, list | tuple) or len(values) != 2:
+        raise HarnessError(f"{where}: a range [low, high] is needed")
+    low, high = _values(name, values, where)
+    if settable(name, where).kind != "Real":
+        raise HarnessError(f"{where}: {name} has whole values only; list them under grid")
+    if low >= high:
+        raise HarnessError(f"{where}: the range {low:g} to {high:g} is empty; the lower end comes first")
+    return low, high
+
+
+def _noise(name: str, value: Any, where: str) -> Noise:
+    if name not in RECORDED or RECORDED[name].kind != "Real":
+        raise unknown("output", name, [port.name for port in RECORDED.values() if port.kind == "Real"])
+    relative = isinstance(value, str) and value.strip().endswith("%")
+    try:
+        sigma = float(value.strip().removesuffix("%")) / 100.0 if isinstance(value, str) and relative else float(value)
+    except (TypeError, ValueError):
+        sigma = -1.0
+    if not 0.0 <= sigma < float("inf"):
+        raise HarnessError(f"{where}: a standard deviation is needed, in {RECORDED[name].unit}, or '1 %' of the range")
+    return Noise(sigma, relative)
+
+
+def _listed(path: Any, where: str) -> dict[str, tuple[float, ...]]:
+    columns = read_numbers(Path(path))
+    for name, series in columns.items():
+        variable = settable(name, f"{path}, line 1")
+        for line, value in enumerate(series, start=2):
+            check_value(variable, float(value), f"{path}, row {line - 1}")
+    return {name: tuple(series.tolist()) for name, series in columns.items()}
+
+
+def parse_assignments(texts: Sequence[str], option: str) -> dict[str, str]:
+    """NAME=TEXT by name; HarnessError for one without a name or value."""
+    parts = [(text, *map(str.strip, text.partition("="))) for text in texts]
+    for text, name, equals, value in parts:
+        if not (name and equals and value):
+            raise HarnessError(f"{option} {text}: NAME=... is needed")
+    return {name: value for _, name, _, value in parts}
+
+
+def parse_numbers(text: str, separator: str, where: str) -> list[float]:
+    """Numbers between separators."""
+    try:
+        return [float(part) for part in text.split(separator)]
+    except ValueError:
+        raise HarnessError(f"{where}: numbers between '{separator}' are needed, not '{text}'") from None
