@@ -86,13 +86,12 @@ class SharedByWorkers(WorkerPlugin):
         self.name = f"ema-campaign-{shared.digest}"
 
     def setup(self, worker: object) -> None:
-        _shared[self.shared.digest] = self.shared
-        short = [
-            replace(flown, inputs={n: series[:2] for n, series in flown.inputs.items()}) for flown in self.shared.trials
-        ]
-        for name, (digest, content) in self.shared.fmus.items():
+        shared = _shared[self.shared.digest] = self.shared
+        first = shared.trials[0]
+        short = replace(first, inputs={name: series[:2] for name, series in first.inputs.items()})
+        for fidelity in shared.fidelities:
             with contextlib.suppress(HarnessError):  # each case will say so
-                _twin(name, digest, content).record(short[0], {}, _recorded(self.shared.outputs))
+                _fly_case(shared, short, fidelity, {}, 0)
 
     def teardown(self, worker: object) -> None:
         _shared.pop(self.shared.digest, None)
@@ -106,33 +105,41 @@ def release() -> str:
 def fly(batch: Batch) -> Result:
     """Fly the cases of `batch`, one after another."""
     shared = _shared[batch.digest]
-    recorded = _recorded(shared.outputs)
     times = len(shared.trials[0].time[:: shared.every])
     values = np.full((len(batch.cases), len(shared.outputs), times), np.nan, dtype=np.float32)
     found = np.full((len(batch.cases), len(features.names(shared.outputs))), np.nan)
     failures, seconds = [""] * len(batch.cases), 0.0
     for place, case in enumerate(batch.cases):
         flown, fidelity = shared.trials[batch.trial[place]], shared.fidelities[batch.fidelity[place]]
-        parameters = dict(zip(batch.names, batch.values[place].tolist(), strict=True)) | fidelity.parameters
+        parameters = dict(zip(batch.names, batch.values[place].tolist(), strict=True))
         try:
-            twin = _twin(fidelity.fmu, *shared.fmus[fidelity.fmu])
-            buffer = _buffer((len(flown.inputs["command"]), len(recorded)))
-            run, wall = twin.record(flown, parameters, recorded, into=buffer)
-            columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
-            at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in columns.items()}
-            kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])
-            seen = at_rate | kept | {"command": flown.inputs["command"][:: shared.every]}
-            supply = flown.inputs.get("supply_voltage", parameters.get("supply_voltage", SUPPLY))
-            pairs = parameters.get("motor.p", features.PAIRS)
-            row = features.features(kept, seen, columns, supply, step=flown.step, pairs=pairs)
-            if not np.isfinite(row).all():  # they are made of all that is kept
-                raise HarnessError(f"{fidelity.fmu}: an output is no finite number")
+            kept, row, wall = _fly_case(shared, flown, fidelity, parameters, case)
         except HarnessError as error:
             failures[place] = str(error)
             continue
-        values[place], found[place] = list(kept.values()), row
+        values[place], found[place] = kept, row
         seconds += wall
     return Result(values, found, failures, seconds)
+
+
+def _fly_case(
+    shared: Shared, flown: Trial, fidelity: Fidelity, parameters: dict[str, float], case: int
+) -> tuple[list[Array], list[float], float]:
+    """The outputs that are kept, their features, and the seconds in the FMU; HarnessError if the case cannot be flown."""
+    recorded = _recorded(shared.outputs)
+    twin = _twin(fidelity.fmu, *shared.fmus[fidelity.fmu])
+    buffer = _buffer((len(flown.inputs["command"]), len(recorded)))
+    run, wall = twin.record(flown, parameters | fidelity.parameters, recorded, into=buffer)
+    columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
+    at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in columns.items()}
+    kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])
+    seen = at_rate | kept | {"command": flown.inputs["command"][:: shared.every]}
+    supply = flown.inputs.get("supply_voltage", parameters.get("supply_voltage", SUPPLY))
+    pairs = parameters.get("motor.p", features.PAIRS)
+    row = features.features(kept, seen, columns, supply, step=flown.step, pairs=pairs)
+    if not np.isfinite(row).all():  # they are made of all that is kept
+        raise HarnessError(f"{fidelity.fmu}: an output is no finite number")
+    return list(kept.values()), row, wall
 
 
 def _recorded(outputs: tuple[str, ...]) -> list[ports.Variable]:
