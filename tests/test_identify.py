@@ -53,6 +53,18 @@ def test_known_faults_are_found_and_only_those_are_alarmed(case, monitor, folder
     assert ("healthy" in found.verdict) == (not truth)
 
 
+def test_hf_as_the_monitor_has_no_gap_to_itself(folder, fmus):
+    """By way of ELF+, in seconds; without noise what is left is the ripple of two chaotic runs, and ELF+'s bias has gone."""
+    table = columns(fmus["HF"], "CHIRP", {"friction": 1.5, "N_a": 0.85}, rate=10000.0, noisy=False)
+    found = {monitor: diagnose(folder, table, monitor) for monitor in ("HF", "ELF+")}
+    off = {monitor: abs(item.estimate("N_a").value - 0.85) for monitor, item in found.items()}
+    assert off["HF"] < 3e-4 < off["ELF+"] and found["HF"].evaluations < 500
+    assert {item.fault for item in found["HF"].estimates if item.alarm} == {"friction", "N_a"}
+    for name, value in (("friction", 1.5), ("N_a", 0.85), ("backlash", 1.0), ("N_b", 1.0), ("gain", 1.0)):
+        item = found["HF"].estimate(name)
+        assert item.low - 1e-9 <= value <= item.high + 1e-9
+
+
 def test_health_is_one_when_healthy_and_zero_at_the_limit_that_the_user_sets(folder, fmus):
     table = columns(fmus["HF"], "SIN", {"friction": 2.0})
     assert diagnose(folder, table).estimate("friction").health == pytest.approx(0.5, abs=0.02)
@@ -71,6 +83,16 @@ def test_a_saturated_run_says_less_of_backlash_than_a_slow_one(folder, fmus):
         item = diagnose(folder, columns(fmus["HF"], trial, {})).estimate("backlash")
         width[trial] = item.high - item.low
     assert width["SIN4"] > 3.0 * width["SIN"]
+
+
+def test_a_fault_that_is_there_alarms_though_its_size_is_open(folder, fmus):
+    """STEP-RAMP turns the rotor slowly: the size of a short is open, its presence is not; a healthy run says neither."""
+    table = columns(fmus["HF"], "STEP-RAMP", {"N_a": 0.7}, rate=1000.0)
+    item = diagnose(folder, table).estimate("N_a")
+    assert not item.identifiable and item.alarm and item.health is not None
+    assert item.low <= 0.7 <= item.high < 0.9 and item.health == pytest.approx(FAULTS["N_a"].health(item.high))
+    healthy = diagnose(folder, columns(fmus["HF"], "STEP-RAMP", {}, rate=500.0))
+    assert any(not item.identifiable for item in healthy.estimates) and not any(item.alarm for item in healthy.estimates)
 
 
 def test_rest_carries_no_weight(fmus):
@@ -132,8 +154,13 @@ def test_a_run_that_begins_in_motion(folder, fmus):
         (lambda t: t | {"motor_speed": t["motor_speed"] * 30.0 / math.pi}, "rpm instead of rad/s"),
         (lambda t: t | {"equivalent_current_filtered": -t["equivalent_current_filtered"]}, "the other sign"),
         (lambda t: t | {"equivalent_current_filtered": t["motor_speed"] + 1.0}, "it looks like motor_speed"),
+        (lambda t: t | {name: np.degrees(t[name]) for name in ("command", "position")}, "beyond the end stops at 0.6 rad"),
+        (
+            lambda t: t | {"motor_speed": t["equivalent_current_filtered"], "equivalent_current_filtered": t["motor_speed"]},
+            "columns interchanged",
+        ),
     ],
-    ids=["degrees", "rpm", "sign", "wrong column"],
+    ids=["degrees", "rpm", "sign", "wrong column", "command in degrees too", "interchanged"],
 )
 def test_what_cannot_be_explained_is_said_to_be_so(change, said, folder, fmus):
     found = diagnose(folder, change(columns(fmus["HF"], "SIN", {}, rate=500.0)))

@@ -53,7 +53,7 @@ def identify(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    build_missing([model], fmus or FMU_DIR, own=fmus is None)
+    build_missing([*diagnosing.flown_for(model)], fmus or FMU_DIR, own=fmus is None)
     found = diagnosing.identify(
         run,
         fmus=fmus or FMU_DIR,

@@ -34,6 +34,7 @@ def monitor(
 
     from harness import results
     from harness.fidelity import FMU_DIR
+    from harness.identify.diagnosis import flown_for
     from harness.identify.faults import FAULTS, parse_limits
     from harness.prognosis.history import identify_all, read_flights
 
@@ -47,7 +48,7 @@ def monitor(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    build_missing([model], fmus or FMU_DIR, own=fmus is None)
+    build_missing([*flown_for(model)], fmus or FMU_DIR, own=fmus is None)
     with progress() as shown:
         task = shown.add_task("identifying", total=len(flights))
         history = identify_all(

@@ -39,11 +39,18 @@ ALIKE, NEAR = 0.9, 1.4
 change a curve too."""
 
 
+LARGEST_GAP = 0.0025
+"""Of a channel's range, up to which the monitor's own gap to HF is granted to it: LF's in unsaturated runs (ours)."""
+BEYOND = 1.1
+"""A position that is as many times the end stop's is no position in rad."""
+
+
 @dataclass(frozen=True)
 class Estimate:
     """One fault: value and ends of its 95 % interval in `unit`; if not identifiable, `reason` says why.
 
-    `health` is 1 when healthy and 0 at the limit; None where it says nothing (not identifiable, or phi).
+    `health` is 1 when healthy and 0 at the limit; that of the best end of the interval if the fault is not identifiable but
+    surely there; None where it says nothing (else not identifiable, or phi).
     """
 
     fault: str
@@ -62,7 +69,7 @@ class Diagnosis:
     """What a measured run says about an actuator.
 
     `complaints`: what the model cannot explain, empty if it explains the run; then `health` is that of the worst
-    identifiable fault, and else None. `evaluations` of the monitor's FMU, `seconds` of wall time.
+    identifiable fault, and else None. `evaluations`: runs of FMUs; `seconds` of wall time.
     """
 
     name: str
@@ -95,6 +102,12 @@ class Diagnosis:
         }
 
 
+def flown_for(monitor: Fidelity) -> tuple[Fidelity, Fidelity]:
+    """The fidelity that is searched with, and HF, which judges it; HF itself is fitted by way of ELF+."""
+    judge = FIDELITIES["HF"]
+    return (FIDELITIES["ELF+"] if monitor == judge else monitor), judge
+
+
 def identify(
     measured: Measured,
     *,
@@ -105,23 +118,20 @@ def identify(
     threshold: float = THRESHOLD,
     tolerance: float = EXPLAINED,
 ) -> Diagnosis:
-    """Identify the faults of `measured` with the fidelity `monitor`; HF, if it is in the folder `fmus`, judges the monitor.
+    """Identify the faults of `measured` with the fidelity `monitor`, from the FMUs of `flown_for` in the folder `fmus`.
 
     `parameters` are those of this actuator and its run, `limits` the faults' values at which health is 0. `threshold`: loss
     of health that alarms; `tolerance`: what may be left unexplained, as a fraction of a channel's range. HarnessError as
     from Twin.
     """
     begun = time.perf_counter()
-    better = FIDELITIES["HF"]
+    searched, judge = flown_for(monitor)
     given = dict(parameters or {})
-    with Monitor(fmus, monitor, measured, given) as model:
-        if monitor.name != better.name and (fmus / better.fmu).exists():
-            with Monitor(fmus, better, measured, given) as reference:
-                found = fit(model, measured, reference)
-        else:
-            found = fit(model, measured)
-        evaluations = model.evaluations
-    complaints = unexplained(found, measured, tolerance)
+    with Monitor(fmus, searched, measured, given) as model, Monitor(fmus, judge, measured, given) as reference:
+        found = fit(model, measured, reference, corrected=monitor == judge)
+        evaluations = model.evaluations + reference.evaluations
+    end_stop = given.get("mechanics.end_stop", ports.VARIABLES[ports.INDEX["mechanics.end_stop"]].start)
+    complaints = unexplained(found, measured, tolerance, end_stop)
     estimates = estimate(found, limits or {}, threshold)
     if complaints:
         estimates = [replace(item, health=None, alarm=False) for item in estimates]
@@ -156,12 +166,18 @@ def _judged(
     fault: Fault, interval: tuple[float, float, float], width: float, limits: Mapping[str, float], threshold: float
 ) -> Estimate:
     value, low, high = interval
+    limit, sick = limits.get(fault.name), fault.excludes_healthy(low, high)
+    best = max(fault.health(end, limit) for end in (low, high)) if sick else 1.0
+    health, reason = None, ""
     identifiable = width <= IDENTIFIABLE * fault.span
-    reason = (
-        "" if identifiable else f"this run leaves it open by {100.0 * width / fault.span:.0f} % of its range, to each side"
-    )
-    health = fault.health(value, limits.get(fault.name)) if identifiable else None
-    alarm = health is not None and 1.0 - health > threshold and fault.excludes_healthy(low, high)
+    if identifiable:
+        health = fault.health(value, limit)
+    else:
+        reason = f"this run leaves it open by {100.0 * width / fault.span:.0f} % of its range, to each side"
+        if 1.0 - best > threshold:
+            health = best
+            reason += ", yet it is there"
+    alarm = health is not None and 1.0 - health > threshold and sick
     return Estimate(fault.name, fault.unit, value, low, high, identifiable, reason, health, alarm)
 
 
@@ -191,22 +207,25 @@ def _eccentricity(
     return first, second
 
 
-def unexplained(found: Fit, measured: Measured, tolerance: float = EXPLAINED) -> list[str]:
+def unexplained(found: Fit, measured: Measured, tolerance: float, end_stop: float) -> list[str]:
     """A line for each channel of which more is left than noise, `tolerance` and the monitor's own gap to HF."""
     lines = []
     spread = np.ptp(measured.values, axis=0)
     for place, name in enumerate(measured.channels):
         share, gap = (float(part[place] / spread[place]) for part in (found.unexplained, found.gap))
-        if share > tolerance + gap:
-            hint = _hint(place, found, measured)
+        accepted = tolerance + min(gap, LARGEST_GAP)
+        if share > accepted:
+            hint = _hint(place, found, measured, end_stop)
+            if not hint and gap > LARGEST_GAP:
+                hint = f"HF differs from this model by {100.0 * gap:.2g} % in such a run; a slower one says more"
             lines.append(
-                f"{100.0 * share:.2g} % of the range of {name} ({100.0 * (tolerance + gap):.2g} % can be accepted)"
+                f"{100.0 * share:.2g} % of the range of {name} ({100.0 * accepted:.2g} % can be accepted)"
                 f"{'; ' + hint if hint else ''}"
             )
     return lines
 
 
-def _hint(place: int, found: Fit, measured: Measured) -> str:
+def _hint(place: int, found: Fit, measured: Measured, end_stop: float) -> str:
     """What a channel that is not explained looks like, if it looks like something."""
     names = list(measured.channels)
     data = measured.values[:, place]
@@ -220,6 +239,8 @@ def _hint(place: int, found: Fit, measured: Measured) -> str:
     other = int(np.argmax(likeness))
     if likeness[other] > ALIKE and likeness[other] > likeness[place] + 0.1:
         return f"it looks like {names[other]}: columns interchanged?"
+    if names[place] == "position" and (reached := float(np.max(np.abs(data)))) > BEYOND * end_stop:
+        return f"it reaches {reached:.3g} rad, beyond the end stops at {end_stop:g} rad: degrees instead of rad?"
     return ""
 
 
@@ -261,12 +282,13 @@ def _verdict(estimates: list[Estimate], complaints: list[str], monitor: str, thr
     if complaints:
         return f"not explained by {monitor} and these faults: {'; '.join(complaints)}"
     alarms = [item for item in estimates if item.alarm]
-    open_ones = [item.fault for item in estimates if not item.identifiable and item.fault != "phi"]
+    open_ones = [item.fault for item in estimates if not item.identifiable and not item.alarm and item.fault != "phi"]
     rest = f"; not identifiable from this run: {', '.join(open_ones)}" if open_ones else ""
     if not alarms:
         return f"healthy: no identifiable fault has lost more than {100.0 * threshold:g} % of its health{rest}"
     told = [
-        f"{item.fault} = {item.value:.4g} (health {item.health:.2f})" for item in sorted(alarms, key=lambda a: a.health or 0)
+        f"{item.fault} = {item.value:.4g} (health {'' if item.identifiable else 'at most '}{item.health:.2f})"
+        for item in sorted(alarms, key=lambda alarm: alarm.health or 0)
     ]
     return f"faulty: {', '.join(told)}{rest}"
 

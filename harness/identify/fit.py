@@ -4,6 +4,10 @@ Residuals are weighted by the noise that the data show: first by that of the sig
 leaves over. A first search starts from the healthy actuator; if a signal is left unexplained, others start from the best of
 a Sobol screen of the whole fault space. Where stick and slip make the valley of good models so narrow and bent that all of
 them stall in it, differential evolution crosses what they found.
+
+HF itself is no model for least squares: hysteresis control is chaotic in rounding, which makes its residuals rough and hides
+their slopes. It is fitted by space mapping (Bandler et al., IEEE Trans. Microwave Theory Tech. 42 (1994) 2536): ELF+ is
+searched, with HF's difference from it, taken where the last search ended, added to what it predicts.
 """
 
 from collections.abc import Callable
@@ -42,6 +46,8 @@ CROSSED, GENERATIONS = 24, 30
 """Population and generations of the evolution between stalled searches."""
 BLOCK = 0.05
 """Length [s] of the blocks whose scores are taken as independent: two electrical periods of a slow run."""
+CORRECTIONS, SETTLED = 6, 2e-3
+"""Searches with the reference's difference at most, and the change of z at which there is no need for another."""
 SEED = 20230612
 
 
@@ -52,7 +58,7 @@ class Fit:
     `z` scaled coordinates, shape (8,); `covariance` (8, 8) of z; `quantile` of the 95 % intervals; `predicted` and
     `healthy` (n, n_channels) in the channels' units; `noise` and `unexplained` (n_channels,): the white noise of each
     channel and the rms of what is left beside it, in the channel's unit; `gap` (n_channels,) as `unexplained`, between the
-    reference and the monitor, or zeros without a reference.
+    reference and the model, zeros if the reference itself was fitted.
     """
 
     z: Array
@@ -65,28 +71,31 @@ class Fit:
     gap: Array
 
 
-def fit(monitor: Monitor, measured: Measured, reference: Monitor | None = None, *, searches: int = STARTS) -> Fit:
-    """Least squares from healthy, and from up to `searches` further starts if that leaves something unexplained.
+def fit(model: Monitor, measured: Measured, reference: Monitor, *, corrected: bool = False) -> Fit:
+    """Least squares from healthy, and from up to STARTS further starts if that leaves something unexplained.
 
-    `reference`, a better model flown once with the faults found, says how far the monitor's own simplifications may have
-    moved them: the covariance grows by that much.
+    `reference`, a better model flown once with the faults found, says how far the model's own simplifications may have
+    moved them: the covariance grows by that much. If `corrected`, the reference is what is fitted, by way of the model.
     """
     data, carries = measured.values, measured.carries
     spread = np.ptp(data, axis=0)
     noise = np.maximum([noise_of(series) for series in data.T], 1e-3 * spread)
-    healthy = monitor.predict(np.zeros(len(faults.HEALTHY)))
+    healthy = (reference if corrected else model).predict(np.zeros(len(faults.HEALTHY)))
+    offset = np.zeros(data.shape)
+
+    def rest_of(z: Array) -> Array:
+        return model.predict(z) + offset - data
 
     def residuals(z: Array) -> Array:
-        return (((monitor.predict(z) - data) / noise)[carries]).T.ravel()
+        return ((rest_of(z) / noise)[carries]).T.ravel()
 
     def left_of(z: Array) -> float:
-        rest = monitor.predict(z) - data
-        return float(np.max(smooth_rms(rest, measured) / spread))
+        return float(np.max(smooth_rms(rest_of(z), measured) / spread))
 
     found = [_search(residuals, np.zeros(len(faults.HEALTHY)))]
     best, vague = found[0], np.zeros(len(faults.HEALTHY))
     if left_of(best.x) > EXPLAINED:
-        for start in _screen(residuals)[:searches]:
+        for start in _screen(residuals)[:STARTS]:
             found.append(_search(residuals, start))
             best = min(found, key=lambda result: float(result.cost))
             if left_of(best.x) <= EXPLAINED:
@@ -95,10 +104,17 @@ def fit(monitor: Monitor, measured: Measured, reference: Monitor | None = None, 
             start, vague = _crossed(residuals, [result.x for result in found])
             found.append(_search(residuals, start))
             best = min(found, key=lambda result: float(result.cost))
-    left = (monitor.predict(best.x) - data)[carries]
-    noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), FLOOR * spread)
+    noise = np.maximum(np.sqrt(np.mean(rest_of(best.x)[carries] ** 2, axis=0)), FLOOR * spread)
     best = _search(residuals, best.x)
-    predicted = monitor.predict(best.x)
+    for _ in range(CORRECTIONS if corrected else 0):
+        last = best.x
+        offset = reference.predict(last) - model.predict(last)
+        noise = np.maximum(np.sqrt(np.mean(rest_of(last)[carries] ** 2, axis=0)), FLOOR * spread)
+        best = _search(residuals, last)
+        vague = np.abs(best.x - last)
+        if np.max(vague) < SETTLED:
+            break
+    predicted = (reference if corrected else model).predict(best.x)
     rest = predicted - data
     jacobian = best.jac[: -len(best.x)].reshape(len(noise), -1, len(best.x))
     inverse = np.linalg.inv(best.jac.T @ best.jac)
@@ -108,7 +124,7 @@ def fit(monitor: Monitor, measured: Measured, reference: Monitor | None = None, 
     covariance = _larger(few * inverse @ blocks.T @ blocks @ inverse, inverse)
     covariance += np.diag(vague**2)
     gap = np.zeros(data.shape)
-    if reference is not None:
+    if not corrected:
         gap = reference.predict(best.x) - predicted
         shift = inverse @ np.einsum("cnk,cn->k", jacobian, (gap / noise)[carries].T)
         covariance += np.diag(shift**2)
@@ -190,4 +206,6 @@ def _block_sums(scores: Array, measured: Measured) -> Array:
 def _larger(one: Array, other: Array) -> Array:
     """Of two covariances that in which each variance is the larger: `one`, scaled up where `other` is wider."""
     scale = np.sqrt(np.maximum(1.0, np.diag(other) / np.maximum(np.diag(one), 1e-300)))
-    return one * np.outer(scale, scale)
+    return (
+        one * np.outer(scale, scale) + 1e-3 * other
+    )  # which has full rank, also if there are fewer blocks than coordinates
