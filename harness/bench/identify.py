@@ -18,8 +18,9 @@ from harness.fidelity import FIDELITIES
 from harness.identify import faults
 from harness.identify.diagnosis import THRESHOLD, identify
 from harness.identify.faults import FAULTS
-from harness.identify.measured import CURRENT, Measured, measured, noise_of
+from harness.identify.measured import CURRENT, Measured, measured
 from harness.identify.monitor import Monitor
+from harness.identify.search import Problem
 from harness.parallel import processes
 from harness.twin import Twin
 
@@ -170,21 +171,16 @@ def evolve(case: Case, fmus: Path, rate: float) -> Evolved:
     """Differential evolution on the case with ELF+, over the same coordinates, until it is as good as the least squares."""
     run = measure(case, fmus, rate)
     diagnosis = identify(run, fmus=fmus, monitor=FIDELITIES["ELF+"])
-    data = run.values
-    noise = np.maximum([noise_of(series) for series in data.T], 1e-3 * np.ptp(data, axis=0))
     with Monitor(fmus, FIDELITIES["ELF+"], run, {}) as model:
-
-        def cost(z: np.ndarray) -> float:
-            return float(np.sum((((model.predict(z) - data) / noise)[run.carries]) ** 2))
-
-        goal = 1.005 * cost(diagnosis.fit.z)
+        problem = Problem(model, run)
+        goal = 1.005 * problem.cost(diagnosis.fit.z)
         bounds = list(zip(faults.scaled(np.array([1, 1, 0.7, 0.7, 0.7, -0.15, -0.15, 0.5])),
                           faults.scaled(np.array([3, 100, 1, 1, 1, 0.15, 0.15, 1.5])), strict=True))  # fmt: skip
         model.evaluations = 0
         reached: list[tuple[int, np.ndarray]] = []
 
         def counted(z: np.ndarray) -> float:
-            value = cost(z)
+            value = problem.cost(z)
             if value <= goal and not reached:
                 reached.append((model.evaluations, z.copy()))
             return value

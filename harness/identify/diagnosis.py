@@ -13,9 +13,10 @@ from ema_fmu_src import ports
 from harness.fidelity import FIDELITIES, Fidelity
 from harness.identify import faults
 from harness.identify.faults import FAULTS, Fault
-from harness.identify.fit import EXPLAINED, Fit, fit
+from harness.identify.fit import Fit, fit
 from harness.identify.measured import Measured
 from harness.identify.monitor import Monitor
+from harness.identify.search import EXPLAINED
 
 Array = NDArray[np.float64]
 
