@@ -9,6 +9,8 @@ import typer
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from harness.fidelity import Fidelity
 
 
@@ -53,14 +55,19 @@ def build_into(names: list[str], folder: Path, *, runtime: str = "native", platf
         raise HarnessError(str(error)) from None
 
 
-def build_missing(fidelities: "list[Fidelity]", folder: Path, *, own: bool) -> None:
-    """Build the FMUs that are not in `folder`; in our `own` folder also those whose sources have changed since."""
+def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None) -> Path:
+    """The folder of the FMUs, `given` or our own, with what these fidelities need: FMUs that are missing are built, in our
+    own folder also those whose sources have changed since."""
+    from harness.fidelity import FMU_DIR
+
+    folder = given or FMU_DIR
     names = list(dict.fromkeys(fidelity.fmu for fidelity in fidelities))
     missing = [name for name in names if not (folder / name).is_file()]
-    if own and find_spec("ziglang"):  # without the extra [build], what is there is what came with the package
+    if given is None and find_spec("ziglang"):  # without the extra [build], what is there is what came with the package
         from ema_fmu_src.fmu.build import is_current
 
         missing = [name for name in names if not is_current(folder / name)]
     if missing:
         for path in build_into(missing, folder):
             typer.echo(f"built {path}")
+    return folder

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, Settings, TrialFile, required_extra
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
@@ -60,7 +60,7 @@ def campaign(
     import sys
 
     from harness import results
-    from harness.fidelity import FMU_DIR, parse_settings
+    from harness.fidelity import parse_settings
     from harness.trials import read_trial
 
     with required_extra("campaign"):
@@ -87,9 +87,9 @@ def campaign(
         raise HarnessError(f"--workers {workers}: 0 or more is needed")
     plan = read_plan(file, options, read_trial(trial_file) if trial_file else None)
     results.prepare(out)
-    build_missing(list(plan.fidelities), fmus or FMU_DIR, own=fmus is None)
+    folder = fmu_folder(plan.fidelities, fmus)
     with cluster(scheduler, workers or os.cpu_count() or 1) as client:
-        flown = _with_progress(run, plan, client, fmus=fmus or FMU_DIR, out=out)
+        flown = _with_progress(run, plan, client, fmus=folder, out=out)
     _tell(flown, plan, out)
     if flown.failures:
         sys.exit(1)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, Settings
 from harness.errors import HarnessError
 
@@ -29,7 +29,7 @@ def check(
     """Check every fidelity against its budget of the reference; exit code 0 within, 1 outside, 2 could not run."""
     from harness import check as checking
     from harness import report, results
-    from harness.fidelity import FIDELITIES, FMU_DIR, parse_settings
+    from harness.fidelity import FIDELITIES, parse_settings
 
     allowed = checking.read_budgets(budgets or checking.DEFAULT)
     parameters = parse_settings(settings or [])
@@ -40,10 +40,8 @@ def check(
     for path in (junit, markdown, page):
         if path:
             results.prepare_file(path)
-    folder = fmus or FMU_DIR
     wanted = {"HF", *(fidelity for fidelities in allowed.values() for fidelity in fidelities)}
-    if fmus is None:
-        build_missing([FIDELITIES[name] for name in sorted(wanted)], folder, own=True)
+    folder = fmus or fmu_folder(FIDELITIES[name] for name in sorted(wanted))
     verdicts, flown = checking.check(
         allowed, fmus=folder, reference=reference, stored=stored, parameters=parameters, time_limit=time_limit
     )

@@ -14,11 +14,11 @@ def export(
 ) -> None:
     """Copy the FMUs and the SSP package, ready for another tool, into a folder."""
     from harness import results
-    from harness.cli.build import build_missing
-    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.cli.build import fmu_folder
+    from harness.fidelity import FIDELITIES
 
-    build_missing(list(FIDELITIES.values()), FMU_DIR, own=True)
-    sources = sorted([*FMU_DIR.glob("EMA_*.fmu"), *FMU_DIR.glob("*.ssp")])
+    own = fmu_folder(FIDELITIES.values())
+    sources = sorted([*own.glob("EMA_*.fmu"), *own.glob("*.ssp")])
     results.prepare(folder)
     contents = {folder / source.name: source.read_bytes() for source in sources}
     differing = [path for path, content in contents.items() if path.exists() and path.read_bytes() != content]

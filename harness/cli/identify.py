@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor
 from harness.cli.terminal import show
 from harness.errors import HarnessError
@@ -37,7 +37,6 @@ def identify(
     import json
 
     from harness import results
-    from harness.fidelity import FMU_DIR
     from harness.identify import diagnosis as diagnosing
     from harness.identify.faults import FAULTS, parse_limits
     from harness.identify.measured import read_measured
@@ -53,10 +52,10 @@ def identify(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    build_missing([*diagnosing.flown_for(model)], fmus or FMU_DIR, own=fmus is None)
+    folder = fmu_folder(diagnosing.flown_for(model), fmus)
     found = diagnosing.identify(
         run,
-        fmus=fmus or FMU_DIR,
+        fmus=folder,
         monitor=model,
         parameters=parameters,
         limits=ends,
@@ -77,7 +76,7 @@ def _print(found: "Diagnosis") -> None:
     from harness.identify.page import HEADS, rows
 
     if not found.complaints:
-        caption = f"{found.name}, {found.monitor}: {found.evaluations} runs of the FMU in {found.seconds:.1f} s"
+        caption = f"{found.name}, {found.monitor}: {found.evaluations} runs of FMUs in {found.seconds:.1f} s"
         show(caption, HEADS, rows(found), words=("",))
     for line in (found.verdict, *found.remarks):
         typer.echo(line)

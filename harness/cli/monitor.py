@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor, required_extra
 from harness.cli.terminal import progress, show
 
@@ -33,7 +33,6 @@ def monitor(
     import json
 
     from harness import results
-    from harness.fidelity import FMU_DIR
     from harness.identify.diagnosis import flown_for
     from harness.identify.faults import FAULTS, parse_limits
     from harness.prognosis.history import identify_all, read_flights
@@ -48,12 +47,12 @@ def monitor(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    build_missing([*flown_for(model)], fmus or FMU_DIR, own=fmus is None)
+    folder = fmu_folder(flown_for(model), fmus)
     with progress() as shown:
         task = shown.add_task("identifying", total=len(flights))
         history = identify_all(
             flights,
-            fmus=fmus or FMU_DIR,
+            fmus=folder,
             monitor=model,
             parameters=parameters,
             limits=ends,

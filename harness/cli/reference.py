@@ -14,10 +14,9 @@ def reference(
 ) -> None:
     """Write the reference results that go into the FMUs (after a change of the physics; then build again)."""
     from ema_fmu_src.fmu.reference import FOLDER
-    from harness.cli.build import build_missing
-    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.cli.build import fmu_folder
+    from harness.fidelity import FIDELITIES
     from harness.reference import make
 
-    build_missing(list(FIDELITIES.values()), fmus or FMU_DIR, own=fmus is None)
-    for path in make(fmus or FMU_DIR, out or FOLDER):
+    for path in make(fmu_folder(FIDELITIES.values(), fmus), out or FOLDER):
         typer.echo(f"wrote {path}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, JsonFile, Settings, TrialFile, chosen_trials
 from harness.cli.terminal import progress, show
 from harness.errors import HarnessError
@@ -44,7 +44,7 @@ def run(
     """
     from harness import report, results
     from harness.check import read_budgets
-    from harness.fidelity import FIDELITIES, FMU_DIR, file_stem, parse_fidelities, parse_settings
+    from harness.fidelity import FIDELITIES, file_stem, parse_fidelities, parse_settings
     from harness.switch import parse_switch
     from harness.twin import Interrupted
 
@@ -58,9 +58,8 @@ def run(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmus or FMU_DIR
     zoomed = [fidelity for plan in plans for fidelity in plan.fidelities]
-    build_missing([*wanted, *referred, *zoomed], folder, own=fmus is None)
+    folder = fmu_folder([*wanted, *referred, *zoomed], fmus)
 
     try:
         experiment = _fly(flown, wanted, referred[0], folder, parameters, isolate=isolate)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, required_extra
 
 
@@ -16,12 +16,12 @@ def serve(
     """Fly the twins on a live page: trial, fidelities and faults by sliders."""
     import logging
 
-    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.fidelity import FIDELITIES
 
     with required_extra("serve"):
         from harness.serve import Server
-    build_missing(list(FIDELITIES.values()), fmus or FMU_DIR, own=fmus is None)
+    folder = fmu_folder(FIDELITIES.values(), fmus)
     logging.getLogger("werkzeug").setLevel(logging.WARNING)
-    server = Server(fmus or FMU_DIR, host=host, port=port)
+    server = Server(folder, host=host, port=port)
     typer.echo(f"{server.url}   Ctrl-C ends it")
     server.run()

@@ -69,8 +69,8 @@ class Estimate:
 class Diagnosis:
     """What a measured run says about an actuator.
 
-    `complaints`: what the model cannot explain, empty if it explains the run; then `health` is that of the worst
-    identifiable fault, and else None. `evaluations`: runs of FMUs; `seconds` of wall time.
+    `complaints`: what the model cannot explain, empty if it explains the run; then `health` is the least of the faults', and
+    else None. `evaluations`: runs of FMUs; `seconds` of wall time.
     """
 
     name: str
@@ -168,18 +168,16 @@ def _judged(
 ) -> Estimate:
     value, low, high = interval
     limit, sick = limits.get(fault.name), fault.excludes_healthy(low, high)
-    best = max(fault.health(end, limit) for end in (low, high)) if sick else 1.0
-    health, reason = None, ""
     identifiable = width <= IDENTIFIABLE * fault.span
-    if identifiable:
-        health = fault.health(value, limit)
-    else:
+    health = fault.health(value, limit) if identifiable else max(fault.health(end, limit) for end in (low, high))
+    alarm = sick and 1.0 - health > threshold
+    reason = ""
+    if not identifiable:
         reason = f"this run leaves it open by {100.0 * width / fault.span:.0f} % of its range, to each side"
-        if 1.0 - best > threshold:
-            health = best
-            reason += ", yet it is there"
-    alarm = health is not None and 1.0 - health > threshold and sick
-    return Estimate(fault.name, fault.unit, value, low, high, identifiable, reason, health, alarm)
+        reason += ", yet it is there" if alarm else ""
+    return Estimate(
+        fault.name, fault.unit, value, low, high, identifiable, reason, health if identifiable or alarm else None, alarm
+    )
 
 
 def _eccentricity(

@@ -35,7 +35,7 @@ def page(diagnosis: Diagnosis, measured: Measured, command: str) -> str:
 
 
 def _caption(diagnosis: Diagnosis) -> str:
-    return f"Faults, after {diagnosis.evaluations} runs of the FMU in {diagnosis.seconds:.1f} s"
+    return f"Faults, after {diagnosis.evaluations} runs of FMUs in {diagnosis.seconds:.1f} s"
 
 
 def rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.bench.tables import check_table, show
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
@@ -34,7 +34,7 @@ def identify(
 
     from harness import results
     from harness.bench import identify as benching
-    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.fidelity import FIDELITIES
     from harness.page import document, origin
     from harness.page import table as as_html
 
@@ -47,8 +47,7 @@ def identify(
     for path in (out / "bench_identify.html" if out else None, json_file):
         if path:
             results.prepare_file(path)
-    folder = fmus or FMU_DIR
-    build_missing(list(FIDELITIES.values()), folder, own=fmus is None)
+    folder = fmu_folder(FIDELITIES.values(), fmus)
     with progress() as shown:
         task = shown.add_task("identifying", total=cases + healthy + evolution)
         found, others = benching.run(
@@ -78,22 +77,19 @@ def identify(
 def _fault_table(found: "list[Identified]", monitor: str) -> "Table":
     import numpy as np
 
-    from harness.bench.identify import of
+    from harness.bench.identify import by_scope, told
     from harness.identify.faults import FAULTS
 
     rows: list[tuple[str, ...]] = []
     for fault in FAULTS:
-        everywhere = of(found, monitor, fault)
-        present = [out for out in everywhere if out.present]
-        for outcomes, where in ((everywhere, "all"), (present, "with it")):
-            known = [out for out in outcomes if out.identifiable]
+        for scope, outcomes in by_scope(found, monitor, fault).items():
+            errors, covered = told(outcomes)
             figures = ["-"] * 4
-            if known:
-                errors = [100.0 * out.error for out in known]
+            if errors:
                 figures = [f"{figure:.3f}" for figure in (np.median(errors), np.percentile(errors, 95), max(errors))]
-                figures.append(f"{100.0 * sum(out.covered for out in known) / len(known):.0f} %")
+                figures.append(f"{covered:.0f} %")
             alarms = [sum(out.missed for out in outcomes), sum(out.false_alarm for out in outcomes)]
-            rows.append((fault, where, f"{len(known)} of {len(outcomes)}", *figures, *map(str, alarms)))
+            rows.append((fault, scope, f"{len(errors)} of {len(outcomes)}", *figures, *map(str, alarms)))
     heads = ("Fault", "runs", "told", "median", "95th", "largest", "covered", "missed", "false")
     return f"{monitor}: errors in % of each fault's range, where it was told (said to be identifiable)", heads, rows
 

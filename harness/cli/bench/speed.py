@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.bench.tables import check_table, show
-from harness.cli.build import build_missing
+from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, JsonFile
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
@@ -41,17 +41,16 @@ def speed(
     from harness.bench import speed as timing
     from harness.bench.page import page
     from harness.bench.peers import measure as measure_peers
-    from harness.fidelity import FIDELITIES, FMU_DIR
+    from harness.fidelity import FIDELITIES
     from harness.trials import BUILT_IN, trial
 
     if repeats < 1:
         raise HarnessError(f"--repeats {repeats}: at least 1 is needed")
     names = [trial(name).name for name in trials or BUILT_IN]
-    folder = fmus or FMU_DIR
     for path in (out / "bench.html" if out else None, json_file):
         if path:
             results.prepare_file(path)
-    build_missing(list(FIDELITIES.values()), folder, own=fmus is None)
+    folder = fmu_folder(FIDELITIES.values(), fmus)
     measured = _with_progress(
         lambda told: timing.measure(folder, names, repeats=repeats, on_run=told), timing.plan(names, repeats)
     )
