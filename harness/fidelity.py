@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ema_fmu_src import ports
 from harness.errors import HarnessError, unknown
 
 
@@ -40,51 +39,3 @@ def parse_fidelities(text: str) -> list[Fidelity]:
         if name not in FIDELITIES:
             raise unknown("fidelity", name, FIDELITIES)
     return [FIDELITIES[name] for name in dict.fromkeys(names)]
-
-
-def parse_settings(settings: list[str]) -> dict[str, float]:
-    """Parameters from texts NAME=VALUE, checked against the ports.
-
-    Also takes the inputs load_torque and supply_voltage, which then hold that value unless the trial gives its own.
-    HarnessError for an unknown name, a text that is no number, a value out of range.
-    """
-    values: dict[str, float] = {}
-    for setting in settings:
-        name, equals, text = (part.strip() for part in setting.partition("="))
-        where = f"--set {setting}"
-        if not equals:
-            raise HarnessError(f"{where}: NAME=VALUE is needed, such as fault.N_a=0.9")
-        variable = settable(name, where)
-        try:
-            value = {"true": 1.0, "false": 0.0}[text.lower()] if variable.kind == "Boolean" else float(text)
-        except (KeyError, ValueError):
-            wanted = "true or false" if variable.kind == "Boolean" else "a number"
-            raise HarnessError(f"{where}: '{text}' is not {wanted}") from None
-        check_value(variable, value, where)
-        values[name] = value
-    pairs = values.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
-    zeta = values.get("fault.zeta", 0.0)
-    if pairs * zeta >= 1.0:
-        raise HarnessError(f"motor.p * fault.zeta = {pairs * zeta:g} is out of range, less than 1 is needed")
-    return values
-
-
-def settable(name: str, where: str) -> ports.Variable:
-    """The parameter `name`, or the input load_torque or supply_voltage; `where` is what a complaint begins with."""
-    known = {v.name: v for v in (*ports.PARAMETERS, *(i for i in ports.INPUTS if i.name != "command"))}
-    if name not in known:
-        if name in ports.INDEX:
-            raise HarnessError(f"{where}: {name} is not a parameter; trials give the command, FMUs the outputs")
-        raise unknown("parameter", name, known)
-    return known[name]
-
-
-def check_value(variable: ports.Variable, value: float, where: str) -> None:
-    """HarnessError, beginning with `where`, if the port does not take the value."""
-    if variable.kind == "Integer" and value != round(value):
-        raise HarnessError(f"{where}: {variable.name} is a whole number, {value:g} is not")
-    low = -float("inf") if variable.minimum is None else variable.minimum
-    high = float("inf") if variable.maximum is None else variable.maximum
-    if not (low <= value <= high and abs(value) != float("inf")):
-        unit = "" if variable.unit == "1" else f" {variable.unit}"
-        raise HarnessError(f"{where}: {variable.name} = {value:g} is out of range, {low:g} to {high:g}{unit}")

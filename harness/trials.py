@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
-from harness.csvfile import read_columns
 from harness.errors import HarnessError, unknown
+from harness.files.columns import read_columns
 
 STEP = 1e-4
 """Communication step [s]."""

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.identify.faults import from_values, to_parameters
-from harness.identify.measured import CURRENT, Measured, measured
+from harness.flight.twin import Twin
+from harness.identification.faults import from_values, to_parameters
+from harness.identification.measured import CURRENT, Measured, measured
 from harness.trials import trial
-from harness.twin import Twin
 
 NOISE = {"position": 0.001, "motor_speed": 0.001, CURRENT: 0.01}
 PHASES = ("phase_current_a", "phase_current_b", "phase_current_c")

@@ -1,7 +1,7 @@
 """Every output of every fidelity, as hashes of its bits: what a change of the code must leave as it is.
 
-`python tests/recorded.py FMUS` records them anew from the native FMUs in the folder FMUS, after a change that moves results on
-purpose; CHANGELOG.md says why. Each output has a hash of its own, so that outputs which are appended disturb nothing.
+`python tests/recorded.py FMUS` records them anew from the native FMUs in the folder FMUS, after a change that moves results
+on purpose; CHANGELOG.md says why. Each output has a hash of its own, so that outputs which are appended disturb nothing.
 """
 
 import hashlib
@@ -15,8 +15,8 @@ import numpy as np
 import xarray as xr
 
 from harness.fidelity import FIDELITIES
+from harness.flight.twin import Twin
 from harness.trials import BUILT_IN, Trial, trial
-from harness.twin import Twin
 
 FILE = Path(__file__).with_name("recorded.json")
 FAULTED = {

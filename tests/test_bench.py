@@ -12,7 +12,7 @@ from harness.bench import identify, overhead, peers, speed
 from harness.bench.peers import scipy_hf
 from harness.bench.speed import REFERENCE, Check
 from harness.cli import main
-from harness.identify.faults import FAULTS
+from harness.identification.faults import FAULTS
 
 
 def test_one_run_gives_table_page_and_json(

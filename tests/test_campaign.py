@@ -14,14 +14,14 @@ import zarr
 from typer.testing import CliRunner
 
 from ema_fmu_src import ports
-from harness.campaign import features
-from harness.campaign.planfile import read_plan
-from harness.campaign.run import cluster, run
+from harness.campaigns import features
+from harness.campaigns.fly import cluster, run
+from harness.campaigns.planfile import read_plan
 from harness.cli import app
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
+from harness.flight.twin import Twin
 from harness.trials import trial
-from harness.twin import Twin
 
 OPTIONS = {
     "ranges": {"fault.friction": [1.0, 3.0], "fault.N_a": [0.7, 1.0]},

@@ -13,7 +13,7 @@ from fmpy.ssp.ssd import read_ssd
 from PIL import Image
 
 from ema_fmu_src import ports
-from ema_fmu_src.fmu import description, documentation, reference, ssp
+from ema_fmu_src.fmu import crosscheck, description, documentation, ssp
 from ema_fmu_src.fmu.build import SSP
 
 MODELS = pytest.mark.parametrize("model", ports.MODELS)
@@ -88,7 +88,7 @@ def test_the_picture_is_a_picture(fmus: dict[str, Path], model: str) -> None:
 @MODELS
 def test_reference_results_are_repeated(fmus: dict[str, Path], model: str) -> None:
     """By FMPy, from the inputs as written; to the digits as written on one platform, and the bits are the same on all."""
-    stimuli, expected, options = reference.paths(model)
+    stimuli, expected, options = crosscheck.paths(model)
     told = dict(line.split(",") for line in options.read_text().splitlines())
     run = fmpy.simulate_fmu(
         str(fmus[model]),
@@ -107,13 +107,13 @@ def test_reference_results_are_repeated(fmus: dict[str, Path], model: str) -> No
 @MODELS
 def test_reference_results_are_in_the_fmu(fmus: dict[str, Path], model: str) -> None:
     with zipfile.ZipFile(fmus[model]) as archive:
-        manifest = ElementTree.fromstring(archive.read(f"{reference.EXTRA}/fmi-ls-manifest.xml"))
+        manifest = ElementTree.fromstring(archive.read(f"{crosscheck.EXTRA}/fmi-ls-manifest.xml"))
         sources = [related.get("source") for related in manifest]
-        experiment = ElementTree.fromstring(archive.read(f"{reference.EXTRA}/experiments.xml"))[0]
+        experiment = ElementTree.fromstring(archive.read(f"{crosscheck.EXTRA}/experiments.xml"))[0]
         assert {child.get("source") for child in experiment} <= set(sources)
-        for path in reference.paths(model):
+        for path in crosscheck.paths(model):
             assert path.name in sources
-            assert archive.read(f"{reference.EXTRA}/{path.name}") == path.read_bytes()
+            assert archive.read(f"{crosscheck.EXTRA}/{path.name}") == path.read_bytes()
 
 
 def test_the_package_is_valid_ssp(package: Path) -> None:

@@ -12,7 +12,7 @@ import fmpy
 import pytest
 from rebuild import rebuilt
 
-from harness import check
+from harness.budgets import read_budgets
 from harness.cli import main
 from harness.errors import HarnessError
 
@@ -51,7 +51,7 @@ def test_the_shipped_budgets_are_kept(
     summary.write_text("before\n")
     files = ["--junit", str(junit), "--markdown", str(summary)]
     assert ema(monkeypatch, "--fmus", str(fmus["HF"].parent), *files) == 0
-    count = sum(len(variables) for fidelities in check.read_budgets().values() for variables in fidelities.values())
+    count = sum(len(variables) for fidelities in read_budgets().values() for variables in fidelities.values())
     assert f"{count} of {count} budgets kept" in capsys.readouterr().out
     suite = ElementTree.parse(junit).getroot()
     assert (suite.get("tests"), suite.get("failures"), len(suite)) == (str(count), "0", count)
@@ -173,7 +173,7 @@ def test_mistakes_in_budgets_are_all_named(tmp_path: Path, text: str, told: str)
     path = tmp_path / "b.toml"
     path.write_text(text)
     with pytest.raises(HarnessError, match=told):
-        check.read_budgets(path)
+        read_budgets(path)
 
 
 def test_run_with_isolation_goes_on_without_the_one_that_crashes(

@@ -223,7 +223,7 @@ def test_interrupt_is_one_line_and_130(
 ) -> None:
     import signal
 
-    from harness import master
+    from harness.flight import master
 
     original = master.run
 

@@ -9,8 +9,8 @@ import pytest
 from flight import Flight
 from pythonfmu.builder import FmuBuilder
 
-from harness.couple import Connection, System, fly
 from harness.errors import HarnessError
+from harness.flight.couple import Connection, System, fly
 
 STIFFNESS, TAU, INNER = 200.0, 5e-3, 2e-6  # N.m/rad, s, s
 LOAD = '''

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from harness import results
-from harness.compare import Comparison, compare
+from harness.comparison import Comparison, compare
 from harness.errors import HarnessError
+from harness.files import results
 
 TIME = np.linspace(0.0, 1.0, 1001)
 NAMES = ("candidate", "reference")

@@ -7,7 +7,8 @@ import pytest
 
 from ema_fmu_src import ports
 from harness.errors import HarnessError
-from harness.fidelity import FIDELITIES, file_stem, parse_fidelities, parse_settings
+from harness.fidelity import FIDELITIES, file_stem, parse_fidelities
+from harness.parameters import parse_settings
 from harness.trials import BUILT_IN, PAPER, STEP, read_trial, trial
 
 

@@ -11,8 +11,8 @@ import pytest
 from ema_fmu_src import ports
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
+from harness.flight.twin import Twin
 from harness.trials import STEP, Trial, trial
-from harness.twin import Twin
 
 DESCRIPTION = "modelDescription.xml"
 

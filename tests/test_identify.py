@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 from harness.cli import app
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
-from harness.identify import faults
-from harness.identify.diagnosis import Diagnosis, identify
-from harness.identify.faults import FAULTS
-from harness.identify.measured import jumps_of, noise_of, read_measured
+from harness.identification import faults
+from harness.identification.diagnosis import Diagnosis, identify
+from harness.identification.faults import FAULTS
+from harness.identification.measured import jumps_of, noise_of, read_measured
 from harness.trials import BUILT_IN
 
 CASES = {

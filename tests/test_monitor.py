@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from harness.cli import app
 from harness.errors import HarnessError
-from harness.identify.faults import FAULTS
+from harness.identification.faults import FAULTS
 from harness.prognosis.growth import follow
 from harness.prognosis.history import read_flights
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from harness.experiment import Experiment, fly
-from harness.fidelity import FIDELITIES, parse_settings
+from harness.fidelity import FIDELITIES
+from harness.flight.experiment import Experiment, fly
+from harness.parameters import parse_settings
 from harness.trials import trial
 
 ALL = [FIDELITIES[name] for name in ("HF", "ELF", "ELF+", "LF")]

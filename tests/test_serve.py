@@ -13,7 +13,7 @@ import pytest
 
 from harness.cli import main
 from harness.errors import HarnessError
-from harness.serve import Server, command
+from harness.show.live import Server, command
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness import switch
 from harness.cli import main
-from harness.compare import compare
+from harness.comparison import compare
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
+from harness.flight import switch
+from harness.flight.twin import Twin
 from harness.trials import trial
-from harness.twin import Twin
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import indent, tostring
 from fmpy.validation import validate_fmu
 
 from .. import ports
-from . import archive, description, documentation, image, reference, source, ssp
+from . import archive, crosscheck, description, documentation, image, source, ssp
 from .native import library, targets
 
 RUNTIMES = ("native", "python")
@@ -35,7 +35,7 @@ def fmu_name(model: str) -> str:
 
 def _content(model: str) -> dict[str, str]:
     """Hashes of what the FMU of the twin `model` would be built from now: the sources, the reference results."""
-    results = hashlib.sha256(b"".join(reference.members(model).values())).hexdigest()
+    results = hashlib.sha256(b"".join(crosscheck.members(model).values())).hexdigest()
     return {"source": source.content_hash(), "reference": results}
 
 
@@ -111,7 +111,7 @@ def _carried(model: str) -> dict[str, bytes]:
     return {
         "documentation/index.html": documentation.page(model).encode(),
         "model.png": image.png(model),
-        **reference.members(model),
+        **crosscheck.members(model),
     }
 
 

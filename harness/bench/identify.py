@@ -15,14 +15,14 @@ from ema_fmu_src import ports
 from harness import trials
 from harness.bench.speed import Check
 from harness.fidelity import FIDELITIES
-from harness.identify import faults
-from harness.identify.diagnosis import THRESHOLD, identify
-from harness.identify.faults import FAULTS
-from harness.identify.measured import CURRENT, Measured, measured
-from harness.identify.monitor import Monitor
-from harness.identify.search import Problem
+from harness.flight.twin import Twin
+from harness.identification import faults
+from harness.identification.diagnosis import THRESHOLD, identify
+from harness.identification.faults import FAULTS
+from harness.identification.measured import CURRENT, Measured, measured
+from harness.identification.model import Monitor
+from harness.identification.search import Problem
 from harness.parallel import processes
-from harness.twin import Twin
 
 TRIALS = ("SIN", "STEP-RAMP", "CHIRP")
 NOISE = {"position": 0.001, "motor_speed": 0.001, CURRENT: 0.01}

@@ -16,9 +16,9 @@ import numpy as np
 from numba import cfunc, types
 
 from ema_fmu_src import ports
-from harness import master
 from harness.fidelity import FIDELITIES
-from harness.twin import Twin
+from harness.flight import master
+from harness.flight.twin import Twin
 
 STEPS, STEP = 5000, 1e-4
 OUTPUTS = [port.name for port in ports.OUTPUTS if port.kind == "Real"]

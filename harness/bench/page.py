@@ -3,7 +3,7 @@
 import plotly.graph_objects as go
 
 from harness.bench.speed import REFERENCE, VARIABLES, Speed
-from harness.page import LAYOUT, document, drawn, origin, table
+from harness.show.page import LAYOUT, document, drawn, origin, table
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
 """Caption, headings, rows."""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import xarray as xr
 
-from harness.compare import compare
+from harness.comparison import compare
 from harness.fidelity import FIDELITIES
+from harness.flight.twin import Twin
 from harness.trials import BUILT_IN, PAPER, trial
-from harness.twin import Twin
 
 VARIABLES = ("position", "motor_speed", "equivalent_current_filtered")
 REFERENCE = "HF fixed 1e-7 s"

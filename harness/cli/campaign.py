@@ -12,8 +12,8 @@ from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.campaign.plan import Plan
-    from harness.campaign.run import Flown
+    from harness.campaigns.fly import Flown
+    from harness.campaigns.plan import Plan
 
 
 def campaign(
@@ -59,13 +59,13 @@ def campaign(
     """
     import sys
 
-    from harness import results
-    from harness.fidelity import parse_settings
+    from harness.files import results
+    from harness.parameters import parse_settings
     from harness.trials import read_trial
 
     with required_extra("campaign"):
-        from harness.campaign.planfile import parse_assignments, parse_numbers, read_plan
-        from harness.campaign.run import cluster, run
+        from harness.campaigns.fly import cluster, run
+        from harness.campaigns.planfile import parse_assignments, parse_numbers, read_plan
 
     options: dict[str, Any] = {}
     for key, text in (("trials", trials), ("fidelities", fidelities), ("outputs", outputs)):

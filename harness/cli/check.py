@@ -27,11 +27,13 @@ def check(
     markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="A summary; appended to, if it is there.")] = None,
 ) -> None:
     """Check every fidelity against its budget of the reference; exit code 0 within, 1 outside, 2 could not run."""
-    from harness import check as checking
-    from harness import report, results
-    from harness.fidelity import FIDELITIES, parse_settings
+    from harness import budgets as budgeting
+    from harness.fidelity import FIDELITIES
+    from harness.files import results
+    from harness.parameters import parse_settings
+    from harness.show import report
 
-    allowed = checking.read_budgets(budgets or checking.DEFAULT)
+    allowed = budgeting.read_budgets(budgets or budgeting.DEFAULT)
     parameters = parse_settings(settings or [])
     if not time_limit > 0.0:
         raise HarnessError(f"--time-limit {time_limit:g}: more than 0 s is needed")
@@ -42,14 +44,14 @@ def check(
             results.prepare_file(path)
     wanted = {"HF", *(fidelity for fidelities in allowed.values() for fidelity in fidelities)}
     folder = fmus or fmu_folder(FIDELITIES[name] for name in sorted(wanted))
-    verdicts, flown = checking.check(
+    verdicts, flown = budgeting.check(
         allowed, fmus=folder, reference=reference, stored=stored, parameters=parameters, time_limit=time_limit
     )
     if junit:
-        results.write(junit, checking.junit(verdicts))
+        results.write(junit, budgeting.junit(verdicts))
     if markdown:
         before = markdown.read_text(encoding="utf-8") if markdown.exists() else ""
-        results.write(markdown, before + checking.markdown(verdicts))
+        results.write(markdown, before + budgeting.markdown(verdicts))
     if page:
         command = shlex.join(["ema", *sys.argv[1:]])
         results.write(page, report.page(flown, parameters=parameters, command=command, budgets=allowed))

@@ -10,7 +10,7 @@ from harness.cli.terminal import show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.compare import Comparison
+    from harness.comparison import Comparison
 
 
 def compare(
@@ -23,12 +23,12 @@ def compare(
     json_file: JsonFile = None,
 ) -> None:
     """Compare any FMU that has the ports with a reference FMU, variable by variable."""
-    from harness import results
-    from harness.compare import compare as compare_runs
-    from harness.fidelity import parse_settings
-    from harness.interrupt import held
-    from harness.report import percent
-    from harness.twin import Twin
+    from harness.comparison import compare as compare_runs
+    from harness.comparison import percent
+    from harness.files import results
+    from harness.flight.interrupt import held
+    from harness.flight.twin import Twin
+    from harness.parameters import parse_settings
 
     flown = chosen_trials(trial, trial_file)
     parameters = parse_settings(settings or [])

@@ -13,9 +13,9 @@ def export(
     force: Annotated[bool, typer.Option("--force", help="Replace files of these names that differ.")] = False,
 ) -> None:
     """Copy the FMUs and the SSP package, ready for another tool, into a folder."""
-    from harness import results
     from harness.cli.build import fmu_folder
     from harness.fidelity import FIDELITIES
+    from harness.files import results
 
     own = fmu_folder(FIDELITIES.values())
     sources = sorted([*own.glob("EMA_*.fmu"), *own.glob("*.ssp")])

@@ -13,7 +13,7 @@ from harness.cli.terminal import show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.identify.diagnosis import Diagnosis
+    from harness.identification.diagnosis import Diagnosis
 
 
 def identify(
@@ -36,11 +36,11 @@ def identify(
     """
     import json
 
-    from harness import results
-    from harness.identify import diagnosis as diagnosing
-    from harness.identify.faults import FAULTS, parse_limits
-    from harness.identify.measured import read_measured
-    from harness.identify.page import page
+    from harness.files import results
+    from harness.identification import diagnosis as diagnosing
+    from harness.identification.faults import FAULTS, parse_limits
+    from harness.identification.measured import read_measured
+    from harness.identification.page import page
 
     model, parameters = chosen_monitor(monitor, settings, estimated={fault.port for fault in FAULTS.values()})
     ends = parse_limits(limits or [])
@@ -73,7 +73,7 @@ def identify(
 
 
 def _print(found: "Diagnosis") -> None:
-    from harness.identify.page import HEADS, rows
+    from harness.identification.page import HEADS, rows
 
     if not found.complaints:
         caption = f"{found.name}, {found.monitor}: {found.evaluations} runs of FMUs in {found.seconds:.1f} s"

@@ -32,9 +32,9 @@ def monitor(
     """
     import json
 
-    from harness import results
-    from harness.identify.diagnosis import flown_for
-    from harness.identify.faults import FAULTS, parse_limits
+    from harness.files import results
+    from harness.identification.diagnosis import flown_for
+    from harness.identification.faults import FAULTS, parse_limits
     from harness.prognosis.history import identify_all, read_flights
 
     with required_extra("prognosis"):

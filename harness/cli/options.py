@@ -53,7 +53,8 @@ def chosen_monitor(
     name: str, settings: list[str] | None, *, estimated: Collection[str]
 ) -> "tuple[Fidelity, dict[str, float]]":
     """The monitor's fidelity and the parameters set for it; HarnessError if one of them is to be `estimated`."""
-    from harness.fidelity import FIDELITIES, parse_fidelities, parse_settings
+    from harness.fidelity import FIDELITIES, parse_fidelities
+    from harness.parameters import parse_settings
 
     models = parse_fidelities(name)
     if len(models) != 1:

@@ -11,7 +11,7 @@ def ports(
     markdown: Annotated[bool, typer.Option("--markdown", help="As a Markdown table.")] = False,
 ) -> None:
     """List every variable of the FMUs."""
-    from harness.tables import PORT_HEADINGS, port_rows, ports_markdown
+    from harness.show.tables import PORT_HEADINGS, port_rows, ports_markdown
 
     if markdown:
         typer.echo(ports_markdown())

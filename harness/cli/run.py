@@ -13,9 +13,9 @@ from harness.cli.terminal import progress, show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.experiment import Experiment
     from harness.fidelity import Fidelity
-    from harness.switch import Plan
+    from harness.flight.experiment import Experiment
+    from harness.flight.switch import Plan
     from harness.trials import Trial
 
 
@@ -42,11 +42,13 @@ def run(
 
     Exit code 1 if an FMU failed in its own process (--isolate).
     """
-    from harness import report, results
-    from harness.check import read_budgets
-    from harness.fidelity import FIDELITIES, file_stem, parse_fidelities, parse_settings
-    from harness.switch import parse_switch
-    from harness.twin import Interrupted
+    from harness.budgets import read_budgets
+    from harness.fidelity import FIDELITIES, file_stem, parse_fidelities
+    from harness.files import results
+    from harness.flight.switch import parse_switch
+    from harness.flight.twin import Interrupted
+    from harness.parameters import parse_settings
+    from harness.show import report
 
     flown = chosen_trials(trials, trial_file)
     wanted = parse_fidelities(fidelity)
@@ -96,8 +98,8 @@ def _fly(
     *,
     isolate: bool,
 ) -> "Experiment":
-    from harness.experiment import fly
-    from harness.interrupt import held
+    from harness.flight.experiment import fly
+    from harness.flight.interrupt import held
 
     names = {reference.name, *(fidelity.name for fidelity in fidelities)}
     points = len(names) * sum(len(trial.time) - 1 for trial in trials)
@@ -124,8 +126,8 @@ def _switch(
     experiment: "Experiment", plans: "list[Plan]", trials: "list[Trial]", folder: Path, parameters: dict[str, float]
 ) -> list[str]:
     """Fly the plans and add them to the experiment; a line for each switch."""
-    from harness.compare import compare
-    from harness.switch import fly
+    from harness.comparison import compare
+    from harness.flight.switch import fly
 
     lines = []
     for plan in plans:
@@ -141,14 +143,14 @@ def _switch(
 
 
 def _print_table(experiment: "Experiment") -> None:
-    from harness.report import FIGURES, errors_of, percent
+    from harness.comparison import FIGURES, percent
 
     rows: list[tuple[str, ...]] = []
     for trial in dict.fromkeys(trial for trial, _ in experiment.runs):
         for (name, fidelity), dataset in experiment.runs.items():
             if name != trial:
                 continue
-            errors = errors_of(experiment, trial, fidelity)
+            errors = experiment.errors_of(trial, fidelity)
             cells = [percent(errors.get(variable)) for variable, _ in FIGURES]
             wall = dataset.attrs["wall_s"] / dataset.attrs["simulated_s"]
             rows.append((trial, fidelity, *cells, f"{wall:.4f}"))

@@ -19,7 +19,7 @@ def serve(
     from harness.fidelity import FIDELITIES
 
     with required_extra("serve"):
-        from harness.serve import Server
+        from harness.show.live import Server
     folder = fmu_folder(FIDELITIES.values(), fmus)
     logging.getLogger("werkzeug").setLevel(logging.WARNING)
     server = Server(folder, host=host, port=port)

@@ -16,7 +16,7 @@ from progpy.predictors import MonteCarlo
 from progpy.state_estimators import KalmanFilter
 from progpy.uncertain_data import MultivariateNormalDist
 
-from harness.identify.faults import Fault
+from harness.identification.faults import Fault
 
 Array = NDArray[np.float64]
 

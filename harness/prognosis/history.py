@@ -9,8 +9,8 @@ from pathlib import Path
 
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
-from harness.identify.diagnosis import Estimate, identify
-from harness.identify.measured import read_measured
+from harness.identification.diagnosis import Estimate, identify
+from harness.identification.measured import read_measured
 from harness.parallel import processes
 
 DATE = re.compile(r"(?<!\d)\d{4}-\d{2}-\d{2}(?!\d)")

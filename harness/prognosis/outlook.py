@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.identify.faults import FAULTS, Fault
+from harness.identification.faults import FAULTS, Fault
 from harness.prognosis.growth import FEWEST, Trend, follow
 from harness.prognosis.history import Identified
 

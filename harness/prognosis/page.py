@@ -8,10 +8,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from harness.page import LAYOUT, document, drawn, origin, table
 from harness.prognosis.growth import Trend
 from harness.prognosis.history import Identified
 from harness.prognosis.outlook import Outlook, life_of
+from harness.show.page import LAYOUT, document, drawn, origin, table
 
 HEADS = ("Fault", "Now", "Limit", "Event state (health)", "Rate", "Remaining useful life")
 

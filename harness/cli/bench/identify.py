@@ -32,11 +32,11 @@ def identify(
     import shlex
     import sys
 
-    from harness import results
     from harness.bench import identify as benching
     from harness.fidelity import FIDELITIES
-    from harness.page import document, origin
-    from harness.page import table as as_html
+    from harness.files import results
+    from harness.show.page import document, origin
+    from harness.show.page import table as as_html
 
     if cases < 1 or healthy < 0 or not 0 <= evolution <= cases:
         raise HarnessError(
@@ -78,7 +78,7 @@ def _fault_table(found: "list[Identified]", monitor: str) -> "Table":
     import numpy as np
 
     from harness.bench.identify import by_scope, told
-    from harness.identify.faults import FAULTS
+    from harness.identification.faults import FAULTS
 
     rows: list[tuple[str, ...]] = []
     for fault in FAULTS:

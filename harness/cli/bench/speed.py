@@ -36,12 +36,12 @@ def speed(
     import shlex
     import sys
 
-    from harness import results
     from harness.bench import overhead
     from harness.bench import speed as timing
     from harness.bench.page import page
     from harness.bench.peers import measure as measure_peers
     from harness.fidelity import FIDELITIES
+    from harness.files import results
     from harness.trials import BUILT_IN, trial
 
     if repeats < 1:

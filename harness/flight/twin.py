@@ -10,9 +10,9 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
-from harness import archive, master
-from harness.component import Component
 from harness.errors import HarnessError
+from harness.flight import fmufile, master
+from harness.flight.component import Component
 from harness.trials import Trial
 
 HELD = ("load_torque", "supply_voltage")
@@ -35,7 +35,7 @@ class Twin(Component):
     """
 
     def __init__(self, path: Path) -> None:
-        archive.require_ports(path, archive.describe(path))
+        fmufile.require_ports(path, fmufile.describe(path))
         super().__init__(path)
 
     def run(

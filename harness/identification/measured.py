@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from ema_fmu_src import ports
-from harness.csvfile import read_columns
 from harness.errors import HarnessError
+from harness.files.columns import read_columns
 from harness.trials import STEP, Trial, check_ranges, grid
 
 Array = NDArray[np.float64]

@@ -11,12 +11,12 @@ import numpy as np
 import xarray as xr
 
 from ema_fmu_src import ports
-from harness import archive
-from harness.compare import Comparison, compare
+from harness.comparison import Comparison, compare
 from harness.errors import HarnessError
-from harness.experiment import Experiment
 from harness.fidelity import FIDELITIES
-from harness.isolate import TIME_LIMIT, Isolated
+from harness.flight import fmufile
+from harness.flight.experiment import Experiment
+from harness.flight.isolate import TIME_LIMIT, Isolated
 from harness.trials import BUILT_IN, trial
 
 DEFAULT = Path(__file__).with_name("budgets.toml")
@@ -150,7 +150,7 @@ def _stored(path: Path, name: str) -> xr.Dataset:
         table["command"] if "command" in (table.dtype.names or ()) else np.full(len(table), np.nan),
         {},
     )
-    attributes = {"trial": name, "fmu": path.name, "fmu_sha256": archive.content_hash(path)}
+    attributes = {"trial": name, "fmu": path.name, "fmu_sha256": fmufile.content_hash(path)}
     lasts = float(table["time"][-1] - table["time"][0])
     return xr.Dataset(data, {"time": ("time", table["time"])}, attributes | {"wall_s": float("nan"), "simulated_s": lasts})
 

@@ -8,16 +8,10 @@ import plotly.graph_objects as go
 import xarray as xr
 from plotly.subplots import make_subplots
 
-from harness.compare import Comparison
-from harness.experiment import Experiment
-from harness.page import LAYOUT, document, drawn, origin
+from harness.comparison import FIGURES, Comparison, percent
+from harness.flight.experiment import Experiment
+from harness.show.page import LAYOUT, document, drawn, origin
 
-FIGURES = (
-    ("position", "Position [rad]"),
-    ("motor_speed", "Motor speed [rad/s]"),
-    ("equivalent_current_filtered", "Equivalent current, filtered [A]"),
-)
-"""The quantities of the paper's Figures 5 to 7."""
 INSTANTANEOUS = "equivalent_current"
 """Drawn under the filtered current, hidden until its name in the legend is pressed."""
 COLOURS = {"command": "#888888", "HF": "#1f6fd6", "ELF": "#d65a1f", "ELF+": "#16935b", "LF": "#9a4fc2"}
@@ -57,18 +51,6 @@ def _hashes(experiment: Experiment) -> str:
     return ", ".join(f"{name} (SHA-256 {digest}...)" for name, digest in found.items())
 
 
-def errors_of(experiment: Experiment, trial: str, fidelity: str) -> dict[str, Comparison]:
-    """The comparisons of one run with the reference, by variable; empty for the reference itself."""
-    return {item.variable: item for item in experiment.comparisons if item.trial == trial and item.candidate == fidelity}
-
-
-def percent(item: Comparison | None) -> str:
-    """An NRMSE as text for a table."""
-    if item is None:
-        return "reference"
-    return "-" if item.nrmse is None else f"{100.0 * item.nrmse:.4f} %"
-
-
 def _budget(budgets: Budgets, item: Comparison) -> float | None:
     return budgets.get(item.trial, {}).get(item.candidate, {}).get(item.variable)
 
@@ -101,7 +83,7 @@ def _cell(item: Comparison | None, budgets: Budgets) -> str:
 def _table(experiment: Experiment, trials: list[str], budgets: Budgets) -> str:
     rows = []
     for (trial, fidelity), run in sorted(experiment.runs.items(), key=lambda entry: trials.index(entry[0][0])):
-        errors = errors_of(experiment, trial, fidelity)
+        errors = experiment.errors_of(trial, fidelity)
         cells = "".join(_cell(errors.get(name), budgets) for name, _ in FIGURES)
         wall = run.attrs["wall_s"] / run.attrs["simulated_s"]
         head = f'<th scope="row">{html.escape(trial)}</th><td>{html.escape(fidelity)}</td>'
@@ -119,7 +101,7 @@ def _cost(experiment: Experiment) -> go.Figure:
     names = dict.fromkeys(fidelity for _, fidelity in experiment.runs if fidelity != experiment.reference)
     for name in names:
         runs = [(trial, run) for (trial, fidelity), run in experiment.runs.items() if fidelity == name]
-        items = [errors_of(experiment, trial, name).get("position") for trial, _ in runs]
+        items = [experiment.errors_of(trial, name).get("position") for trial, _ in runs]
         figure.add_scatter(
             x=[run.attrs["wall_s"] / run.attrs["simulated_s"] for _, run in runs],
             y=[100.0 * item.nrmse if item and item.nrmse else None for item in items],

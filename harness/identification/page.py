@@ -6,9 +6,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from harness.identify.diagnosis import Diagnosis, Estimate, unit_of
-from harness.identify.measured import Measured
-from harness.page import LAYOUT, document, drawn, origin, table
+from harness.identification.diagnosis import Diagnosis, Estimate, unit_of
+from harness.identification.measured import Measured
+from harness.show.page import LAYOUT, document, drawn, origin, table
 
 MOST_POINTS = 2501
 """Points drawn of each curve; more cannot be told apart and make the page heavy."""

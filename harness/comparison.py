@@ -7,6 +7,12 @@ import xarray as xr
 
 from harness.errors import HarnessError
 
+FIGURES = (
+    ("position", "Position [rad]"),
+    ("motor_speed", "Motor speed [rad/s]"),
+    ("equivalent_current_filtered", "Equivalent current, filtered [A]"),
+)
+"""The quantities of the paper's Figures 5 to 7."""
 TUBE = 0.01
 """Half width of the tolerance tube, as a fraction of the reference's range."""
 
@@ -75,3 +81,10 @@ def compare(
             )
         )
     return comparisons
+
+
+def percent(item: Comparison | None) -> str:
+    """An NRMSE as text for a table."""
+    if item is None:
+        return "reference"
+    return "-" if item.nrmse is None else f"{100.0 * item.nrmse:.4f} %"

@@ -12,8 +12,8 @@ from fmpy import supported_platforms
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
-from harness import archive
 from harness.errors import HarnessError
+from harness.flight import fmufile
 
 
 class Component:
@@ -24,15 +24,15 @@ class Component:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.description = archive.describe(path)
-        self.fmu_hash = archive.content_hash(path)
+        self.description = fmufile.describe(path)
+        self.fmu_hash = fmufile.content_hash(path)
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
         self._messages: list[str] = []
         self._folder = Path(tempfile.mkdtemp(prefix="ema_fmu_"))
         self._slave: Any = None
         self._begun = False
         try:
-            archive.unpack(path, self._folder)
+            fmufile.unpack(path, self._folder)
             if fmpy.platform not in supported_platforms(str(path)):
                 raise HarnessError(f"{path}: holds no binary for this platform, {fmpy.platform}")
             self._slave = self._instantiate()

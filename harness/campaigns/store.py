@@ -16,9 +16,9 @@ import xarray as xr
 import zarr
 
 from ema_fmu_src import __version__, ports
-from harness.campaign import features
-from harness.campaign.plan import Plan
-from harness.campaign.worker import Result
+from harness.campaigns import features
+from harness.campaigns.plan import Plan
+from harness.campaigns.worker import Result
 from harness.errors import HarnessError
 
 BATCH = 64

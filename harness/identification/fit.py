@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from harness.identify.measured import Measured, noise_of
-from harness.identify.monitor import Monitor
-from harness.identify.search import NOWHERE, Problem, explain, mapped, smooth_rms
+from harness.identification.measured import Measured, noise_of
+from harness.identification.model import Monitor
+from harness.identification.search import NOWHERE, Problem, explain, mapped, smooth_rms
 
 Array = NDArray[np.float64]
 

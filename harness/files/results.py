@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from harness.compare import Comparison
+from harness.comparison import Comparison
 from harness.errors import HarnessError
 
 

@@ -17,9 +17,9 @@ from scipy.ndimage import uniform_filter1d
 from scipy.optimize import differential_evolution, least_squares
 from scipy.stats import qmc
 
-from harness.identify import faults
-from harness.identify.measured import Measured, noise_of
-from harness.identify.monitor import Monitor
+from harness.identification import faults
+from harness.identification.measured import Measured, noise_of
+from harness.identification.model import Monitor
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ema_fmu_src import ports
-from harness.campaign.plan import OUTPUTS, RATE, SAMPLINGS, Noise, Plan
-from harness.csvfile import read_numbers
+from harness.campaigns.plan import OUTPUTS, RATE, SAMPLINGS, Noise, Plan
 from harness.errors import HarnessError, unknown
-from harness.fidelity import check_value, parse_fidelities, settable
+from harness.fidelity import parse_fidelities
+from harness.files.columns import read_numbers
+from harness.parameters import check_value, settable
 from harness.trials import Trial, trial
 
 KEYS = ("trials", "fidelities", "samples", "sampling", "seed", "ranges", "grid", "cases", "set", "noise", "outputs", "rate")

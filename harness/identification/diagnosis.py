@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ema_fmu_src import ports
 from harness.fidelity import FIDELITIES, Fidelity
-from harness.identify import faults
-from harness.identify.faults import FAULTS, Fault
-from harness.identify.fit import Fit, fit
-from harness.identify.measured import Measured
-from harness.identify.monitor import Monitor
-from harness.identify.search import EXPLAINED
+from harness.identification import faults
+from harness.identification.faults import FAULTS, Fault
+from harness.identification.fit import Fit, fit
+from harness.identification.measured import Measured
+from harness.identification.model import Monitor
+from harness.identification.search import EXPLAINED
 
 Array = NDArray[np.float64]
 

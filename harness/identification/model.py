@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ema_fmu_src import ports
 from harness.fidelity import Fidelity
-from harness.identify import faults
-from harness.identify.measured import Measured
-from harness.twin import Twin
+from harness.flight.twin import Twin
+from harness.identification import faults
+from harness.identification.measured import Measured
 
 Array = NDArray[np.float64]
 

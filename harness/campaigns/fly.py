@@ -18,12 +18,12 @@ from distributed.client import Future
 from distributed.scheduler import KilledWorker
 
 from ema_fmu_src import __version__
-from harness import archive
-from harness.campaign.features import names as feature_names
-from harness.campaign.plan import Plan
-from harness.campaign.store import Store
-from harness.campaign.worker import Batch, Result, Shared, SharedByWorkers, fly, release
+from harness.campaigns.features import names as feature_names
+from harness.campaigns.plan import Plan
+from harness.campaigns.store import Store
+from harness.campaigns.worker import Batch, Result, Shared, SharedByWorkers, fly, release
 from harness.errors import HarnessError
+from harness.flight import fmufile
 
 AHEAD = 2
 """Batches in flight for each thread: one at work, one waiting; so memory does not grow with the number of cases."""
@@ -108,7 +108,7 @@ def run(
     campaign, or if the cluster has no workers.
     """
     contents = {name: (fmus / name).read_bytes() for name in sorted({fidelity.fmu for fidelity in plan.fidelities})}
-    hashes = {name: archive.content_hash(fmus / name) for name in contents}
+    hashes = {name: fmufile.content_hash(fmus / name) for name in contents}
     store = Store(out, plan, hashes)
     waiting = store.batches()
     open_cases = sum(len(cases) for cases in waiting)

@@ -15,9 +15,9 @@ import xarray as xr
 from numba import njit
 from numpy.typing import NDArray
 
-from harness.component import Component
 from harness.errors import HarnessError
-from harness.master import CALLS, DO_STEP, GET_REAL, SET_REAL, STATUSES, WARNING, call_step, call_values, entry
+from harness.flight.component import Component
+from harness.flight.master import CALLS, DO_STEP, GET_REAL, SET_REAL, STATUSES, WARNING, call_step, call_values, entry
 
 Order = Literal["jacobi", "gauss-seidel"]
 Array = NDArray[np.float64]

@@ -14,14 +14,14 @@ from plotly.subplots import make_subplots
 from werkzeug.serving import make_server
 
 from ema_fmu_src import ports
-from harness import results
-from harness.compare import compare
+from harness.comparison import FIGURES, compare, percent
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
-from harness.page import LAYOUT
-from harness.report import COLOURS, FIGURES, percent
+from harness.files import results
+from harness.flight.twin import Twin
+from harness.show.page import LAYOUT
+from harness.show.report import COLOURS
 from harness.trials import BUILT_IN, trial
-from harness.twin import Twin
 
 SLIDERS: dict[str, tuple[float, float, float]] = {
     "fault.friction": (0.0, 5.0, 0.1),

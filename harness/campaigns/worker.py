@@ -15,12 +15,12 @@ from distributed import WorkerPlugin
 from numpy.typing import NDArray
 
 from ema_fmu_src import __version__, ports
-from harness.campaign import features
-from harness.campaign.plan import Noise
+from harness.campaigns import features
+from harness.campaigns.plan import Noise
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
+from harness.flight.twin import Twin
 from harness.trials import Trial
-from harness.twin import Twin
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ import xarray as xr
 from ema_fmu_src import ports
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity, parse_fidelities
+from harness.flight.twin import Twin
 from harness.trials import Trial
-from harness.twin import Twin
 
 STATE = {
     "initial.motor_position": "motor_position",

@@ -19,7 +19,7 @@ TIME_LIMIT = 60.0
 
 def _serve(pipe: Connection, path: Path) -> None:
     """What the process does: open the FMU, fly what is asked for, answer with the run or with a line of text."""
-    from harness.twin import Twin
+    from harness.flight.twin import Twin
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     twin: Any = None

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import xarray as xr
 
-from harness.compare import Comparison, compare
+from harness.comparison import Comparison, compare
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
-from harness.isolate import Isolated
+from harness.flight.isolate import Isolated
+from harness.flight.twin import Interrupted, Twin
 from harness.trials import Trial
-from harness.twin import Interrupted, Twin
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,10 @@ class Experiment:
     comparisons: list[Comparison]
     reference: str
     failures: list[str] = field(default_factory=list)
+
+    def errors_of(self, trial: str, fidelity: str) -> dict[str, Comparison]:
+        """The comparisons of one run with the reference, by variable; empty for the reference itself."""
+        return {item.variable: item for item in self.comparisons if item.trial == trial and item.candidate == fidelity}
 
 
 def fly(

@@ -7,10 +7,10 @@ import fmpy
 import numpy as np
 
 from ema_fmu_src import ports
-from ema_fmu_src.fmu import reference
-from harness import results
+from ema_fmu_src.fmu import crosscheck
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
+from harness.files import results
 from harness.trials import Trial, trial
 
 INPUT_EVERY, OUTPUT_EVERY = 20, 100
@@ -29,7 +29,7 @@ def make(fmus: Path, out: Path) -> list[Path]:
     written = []
     for name in ("HF", "ELF", "LF"):
         fmu = fmus / FIDELITIES[name].fmu
-        stimuli, expected, options = reference.paths(name, out)
+        stimuli, expected, options = crosscheck.paths(name, out)
         results.write(stimuli, _inputs(flown))
         results.write(expected, _fly(fmu, stimuli, flown))
         results.write(options, _options(flown))
