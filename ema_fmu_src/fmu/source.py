@@ -19,7 +19,7 @@ RUNTIME = (
 
 def files(package: Path = PACKAGE) -> list[Path]:
     """All sources of `package`, in a fixed order."""
-    return sorted([*package.rglob("*.py"), *package.rglob("*.c")])
+    return sorted([*package.rglob("*.py"), *package.rglob("*.c"), *package.rglob("*.h")])
 
 
 def runtime_files(package: Path = PACKAGE) -> list[Path]:

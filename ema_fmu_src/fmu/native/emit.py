@@ -19,7 +19,7 @@ ENVIRONMENT = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT
 """What `main` needs in its environment."""
 
 ENTRY = """
-define hidden i32 @ema_{name}({arguments}) {{
+define hidden i32 @ema_{name}({arguments}) align 64 {{
   %result = alloca i64
   %exception = alloca ptr
   %code = call i32 @{kernel}(ptr %result, ptr %exception, {arguments})
