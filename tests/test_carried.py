@@ -1,6 +1,7 @@
 """What the FMUs and the SSP carry besides their binaries."""
 
 import io
+import string
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +14,7 @@ from fmpy.ssp.ssd import read_ssd
 from PIL import Image
 
 from ema_fmu_src import ports
-from ema_fmu_src.fmu import crosscheck, description, documentation, ssp
+from ema_fmu_src.fmu import crosscheck, description, documentation, font, image, ssp
 from ema_fmu_src.fmu.build import SSP
 
 MODELS = pytest.mark.parametrize("model", ports.MODELS)
@@ -83,6 +84,20 @@ def test_the_picture_is_a_picture(fmus: dict[str, Path], model: str) -> None:
         picture.load()
     assert picture.size == (400, 240)
     assert len(picture.getcolors(100000)) > 100
+
+
+@pytest.mark.parametrize("name", [*string.ascii_uppercase, *string.digits, "ELF+", "a_long-NAME_0123456789"])
+def test_any_name_has_a_picture(name: str) -> None:
+    """The name is what tells one twin's picture from another's: it lies between the margins and is as high as the font."""
+    picture, blank = (np.asarray(Image.open(io.BytesIO(image.png(text)))) for text in (name, "_"))
+    drawn = np.argwhere((picture != blank).any(axis=2))
+    assert drawn[:, 0].min() >= image.TOP and image.MARGIN <= drawn[:, 1].min() and drawn[:, 1].max() < 400 - image.MARGIN
+
+
+def test_no_two_letters_look_alike() -> None:
+    assert len(set(font.GLYPHS.values())) == len(font.GLYPHS) == 39
+    for rows in font.GLYPHS.values():
+        assert len(rows) == 7 and len({len(row) for row in rows}) == 1
 
 
 @MODELS

@@ -8,12 +8,11 @@ import zipfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from xml.etree.ElementTree import indent, tostring
 
 from fmpy.validation import validate_fmu
 
 from .. import ports
-from . import archive, crosscheck, description, documentation, image, source, ssp
+from . import archive, crosscheck, description, documentation, image, markup, source, ssp
 from .native import library, targets
 
 RUNTIMES = ("native", "python")
@@ -119,8 +118,7 @@ def _native(model: str, platforms: Sequence[str], scratch: Path) -> dict[str, by
     root = description.model_description(
         model, runtime="native", source_hash=source.content_hash(), capabilities=NATIVE_CAPABILITIES
     )
-    indent(root)
-    text = b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    text = markup.document(root)
     return {"modelDescription.xml": text} | library.libraries(model, str(root.get("guid")), platforms, scratch=scratch)
 
 

@@ -6,9 +6,9 @@ NAME_ref.csv (results), NAME_ref.opt (how they were made). Inside an FMU the sam
 """
 
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
-from . import description
+from . import description, markup
 
 FOLDER = Path(__file__).resolve().parents[2] / "fmus" / "reference"
 EXTRA = "extra/org.fmi-standard.fmi-ls-ref"
@@ -48,10 +48,5 @@ def members(model: str) -> dict[str, bytes]:
     experiment = SubElement(experiments, "Experiment", {"name": "SIN", "description": "The paper's trial SIN"} | times)
     SubElement(experiment, "Stimuli", source=stimuli.name)
     SubElement(experiment, "References", source=results.name)
-    texts = {"fmi-ls-manifest.xml": _text(manifest), "experiments.xml": _text(experiments)}
+    texts = {"fmi-ls-manifest.xml": markup.document(manifest), "experiments.xml": markup.document(experiments)}
     return {f"{EXTRA}/{name}": content for name, content in (texts | {p.name: p.read_bytes() for p in files}).items()}
-
-
-def _text(root: Element) -> bytes:
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"

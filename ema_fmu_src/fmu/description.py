@@ -5,29 +5,8 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from .. import __version__, ports
 from ..twins import TWINS
-
-UNITS: dict[str, tuple[str, dict[str, int]]] = {
-    "rad": ("Angle", {"rad": 1}),
-    "rad/s": ("AngularVelocity", {"rad": 1, "s": -1}),
-    "s": ("Time", {"s": 1}),
-    "1/s": ("PositionGain", {"s": -1}),
-    "1": ("Ratio", {}),
-    "A": ("Current", {"A": 1}),
-    "A/rad": ("IntegralGain", {"A": 1, "rad": -1}),
-    "A.s/rad": ("SpeedGain", {"A": 1, "s": 1, "rad": -1}),
-    "V": ("Voltage", {"kg": 1, "m": 2, "s": -3, "A": -1}),
-    "V.s/rad": ("BackEmfCoefficient", {"kg": 1, "m": 2, "s": -2, "A": -1, "rad": -1}),
-    "W": ("Power", {"kg": 1, "m": 2, "s": -3}),
-    "Ohm": ("Resistance", {"kg": 1, "m": 2, "s": -3, "A": -2}),
-    "H": ("Inductance", {"kg": 1, "m": 2, "s": -2, "A": -2}),
-    "N.m": ("Torque", {"kg": 1, "m": 2, "s": -2}),
-    "N.m.s/rad": ("RotationalDamping", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
-    "kg.m2": ("MomentOfInertia", {"kg": 1, "m": 2}),
-}
-"""The quantity (and type) of each unit that the ports use, and its exponents of the SI base units."""
-
-DISPLAY_UNITS = {"rad": ("deg", 57.29577951308232), "rad/s": ("rpm", 9.549296585513721)}
-"""Display unit and its factor for the units that people read in others."""
+from .markup import literal
+from .units import DISPLAY_UNITS, UNITS, declare
 
 START_TIME, STOP_TIME, STEP_SIZE = "0.0", "2.5", "0.0001"
 GENERATED = "2026-01-01T00:00:00Z"
@@ -72,19 +51,13 @@ FLAGS = (
 """Flags of the CoSimulation element (FMI 2.0, section 4.3.1)."""
 
 
-def _number(value: float) -> str:
-    """Shortest text that reads back to the same float64."""
-    return repr(float(value))
-
-
 def _units() -> Element:
     definitions = Element("UnitDefinitions")
-    for name, (_, exponents) in UNITS.items():
-        unit = SubElement(definitions, "Unit", name=name)
-        SubElement(unit, "BaseUnit", {base: str(exponent) for base, exponent in exponents.items()})
+    for name in UNITS:
+        unit = declare(definitions, name)
         if name in DISPLAY_UNITS:
             display, factor = DISPLAY_UNITS[name]
-            SubElement(unit, "DisplayUnit", name=display, factor=_number(factor))
+            SubElement(unit, "DisplayUnit", name=display, factor=literal("Real", factor))
     return definitions
 
 
@@ -111,22 +84,15 @@ def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> El
         attributes["initial"] = "calculated" if calculated else "exact"
     element = Element("ScalarVariable", attributes)
     kind = SubElement(element, variable.kind)
-    start = variable.start_for(model)
     if variable.kind == "Real":
         kind.set("declaredType", UNITS[variable.unit][0])
         kind.set("unit", variable.unit)
         if variable.unit in DISPLAY_UNITS:
             kind.set("displayUnit", DISPLAY_UNITS[variable.unit][0])
-    if variable.kind != "Boolean":
-        text = _number if variable.kind == "Real" else (lambda value: str(int(value)))
-        if variable.minimum is not None:
-            kind.set("min", text(variable.minimum))
-        if variable.maximum is not None:
-            kind.set("max", text(variable.maximum))
-        if not calculated:
-            kind.set("start", text(start))
-    elif not calculated:
-        kind.set("start", "true" if start else "false")
+    bounds = {} if variable.kind == "Boolean" else {"min": variable.minimum, "max": variable.maximum}
+    for attribute, value in (bounds | {"start": None if calculated else variable.start_for(model)}).items():
+        if value is not None:
+            kind.set(attribute, literal(variable.kind, value))
     return element
 
 
@@ -166,7 +132,7 @@ def model_description(model: str, *, runtime: str, source_hash: str, capabilitie
     SubElement(
         root,
         "CoSimulation",
-        {"modelIdentifier": f"EMA_{model}"} | {name: "true" if flag else "false" for name, flag in flags.items()},
+        {"modelIdentifier": f"EMA_{model}"} | {name: literal("Boolean", flag) for name, flag in flags.items()},
     )
     root.append(_units())
     root.append(_types())

@@ -5,21 +5,18 @@ Drawn from shapes as signed distances, so that edges are smooth and no library i
 
 import struct
 import zlib
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .font import GLYPHS
+
 Field = NDArray[np.float64]
 WIDTH, HEIGHT = 400, 240
 INK, BODY, SHAFT, SURFACE = (0.12, 0.16, 0.22), (0.18, 0.42, 0.71), (0.45, 0.50, 0.57), (0.90, 0.55, 0.16)
-
-LETTERS = {
-    "H": ("1001", "1001", "1001", "1111", "1001", "1001", "1001"),
-    "F": ("1111", "1000", "1000", "1110", "1000", "1000", "1000"),
-    "E": ("1111", "1000", "1000", "1110", "1000", "1000", "1111"),
-    "L": ("1000", "1000", "1000", "1000", "1000", "1000", "1111"),
-}
-"""Letters of four by seven squares."""
+SQUARE, MARGIN, TOP = 10, 20, 145
+"""Of the name [pixel]: its squares' size, what is left free at both sides, its upper edge."""
 
 
 def _box(x: Field, y: Field, left: float, top: float, right: float, bottom: float, radius: float) -> Field:
@@ -44,8 +41,25 @@ def _wing(x: Field, y: Field, cx: float, cy: float, length: float, tilt: float) 
     return np.maximum(np.abs(across) - half, np.maximum(-along - 12.0, along - length))
 
 
-def png(model: str) -> bytes:
-    """The picture of the twin `model` ("HF", "ELF" or "LF") as PNG, 400 x 240, transparent outside the block."""
+def _squares(name: str) -> Iterator[tuple[int, int, int]]:
+    """Left and upper edge and size [pixel] of each square of the text `name`; a long one has smaller squares."""
+    glyphs = [GLYPHS[letter] for letter in name.upper()]
+    columns = sum(len(rows[0]) + 1 for rows in glyphs) - 1
+    size = min(SQUARE, (WIDTH - 2 * MARGIN) // columns)
+    left = (WIDTH - size * columns) // 2
+    for rows in glyphs:
+        for row, squares in enumerate(rows):
+            for column, square in enumerate(squares):
+                if square == "#":
+                    yield left + size * column, TOP + size * row, size
+        left += size * (len(rows[0]) + 1)
+
+
+def png(name: str) -> bytes:
+    """The picture of the twin called `name` as PNG, 400 x 240, transparent outside the block.
+
+    KeyError for a character that the font has not.
+    """
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
     rgb = np.ones((HEIGHT, WIDTH, 3))
 
@@ -75,15 +89,8 @@ def png(model: str) -> bytes:
         paint(np.hypot(x - cx, y - 79) - 6.0, INK)
     outlined(_wing(x, y, 292, 79, 76, 0.28), SURFACE)
     paint(np.hypot(x - 292, y - 79) - 5.0, INK)
-    size = 10.0
-    left = 0.5 * (WIDTH - size * (5 * len(model) - 1))
-    for letter in model:
-        for row, squares in enumerate(LETTERS[letter]):
-            for column, square in enumerate(squares):
-                if square == "1":
-                    at = (left + size * column, 145.0 + size * row)
-                    paint(_box(x, y, at[0], at[1], at[0] + size, at[1] + size, 0.0), INK)
-        left += 5 * size
+    for left, top, size in _squares(name):
+        paint(_box(x, y, left, top, left + size, top + size, 0.0), INK)
     alpha = cover(block(2.0))[..., None]
     return _encode(np.rint(255.0 * np.concatenate([rgb, alpha], axis=2)).astype(np.uint8))
 

@@ -11,8 +11,10 @@ RUNTIME = (
     "twins/*.py",
     "fmu/__init__.py",
     "fmu/description.py",
+    "fmu/markup.py",
     "fmu/slave.py",
     "fmu/source.py",
+    "fmu/units.py",
 )
 """What the python runtime needs inside the FMU."""
 

@@ -6,12 +6,12 @@ other one has a structure of its own, NAME.ssd, as SSP provides for variants. Th
 some importers do not know (ecos): a host sets and reads those of the actuator.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 from .. import __version__, ports
-from . import archive, description
+from . import archive, description, markup, units
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -37,38 +37,28 @@ def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
         "ssv:ParameterSet", {"xmlns:ssv": SSV, "xmlns:ssc": SSC, "version": "1.0", "name": SET_NAME, "description": name}
     )
     parameters = SubElement(root, "ssv:Parameters")
-    for parameter, value in values.items():
-        variable = ports.VARIABLES[ports.INDEX[parameter]]
-        entry = SubElement(parameters, "ssv:Parameter", name=parameter)
-        _typed(entry, "ssv", variable, value)
-    units = SubElement(root, "ssv:Units")
-    for unit in dict.fromkeys(ports.VARIABLES[ports.INDEX[parameter]].unit for parameter in values):
-        if unit:
-            _unit(units, unit)
-    if not len(units):
-        root.remove(units)
-    return _text(root)
+    variables = [ports.VARIABLES[ports.INDEX[parameter]] for parameter in values]
+    for variable in variables:
+        _typed(SubElement(parameters, "ssv:Parameter", name=variable.name), "ssv", variable, values[variable.name])
+    _declare_units(root, "ssv", variables)
+    return markup.document(root)
 
 
 def _typed(parent: Element, prefix: str, variable: ports.Variable, value: float | None = None) -> None:
     element = SubElement(parent, f"{prefix}:{variable.kind}")
     if value is not None:
-        boolean = "true" if value else "false"
-        texts = {"Real": repr(float(value)), "Integer": str(int(value)), "Boolean": boolean}
-        element.set("value", texts[variable.kind])
+        element.set("value", markup.literal(variable.kind, value))
     if variable.kind == "Real":
         element.set("unit", variable.unit)
 
 
-def _unit(parent: Element, name: str) -> None:
-    unit = SubElement(parent, "ssc:Unit", name=name)
-    exponents = description.UNITS[name][1]
-    SubElement(unit, "ssc:BaseUnit", {base: str(exponent) for base, exponent in exponents.items()})
-
-
-def _text(root: Element) -> bytes:
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+def _declare_units(root: Element, prefix: str, variables: Iterable[ports.Variable]) -> None:
+    """Declare the units of `variables`, if any has one: SSP 1.0 allows no empty list."""
+    used = dict.fromkeys(variable.unit for variable in variables if variable.unit)
+    if used:
+        declared = SubElement(root, f"{prefix}:Units")
+        for name in used:
+            units.declare(declared, name, prefix="ssc:")
 
 
 def structure(parameters: str) -> bytes:
@@ -91,12 +81,10 @@ def structure(parameters: str) -> bytes:
         "ssd:ParameterBinding",
         {"type": "application/x-ssp-parameter-set", "source": f"resources/{parameters}.ssv"},
     )
-    units = SubElement(root, "ssd:Units")
-    for unit in dict.fromkeys(variable.unit for variable in shared if variable.unit):
-        _unit(units, unit)
+    _declare_units(root, "ssd", shared)
     start, stop = description.START_TIME, description.STOP_TIME
     SubElement(root, "ssd:DefaultExperiment", startTime=start, stopTime=stop)
-    return _text(root)
+    return markup.document(root)
 
 
 def write(path: Path, fmu: Path) -> None:

@@ -1,0 +1,34 @@
+"""The units of the ports, as FMI 2.0 (section 2.2.2) and SSP 1.0 declare them."""
+
+from xml.etree.ElementTree import Element, SubElement
+
+UNITS: dict[str, tuple[str, dict[str, int]]] = {
+    "rad": ("Angle", {"rad": 1}),
+    "rad/s": ("AngularVelocity", {"rad": 1, "s": -1}),
+    "s": ("Time", {"s": 1}),
+    "1/s": ("PositionGain", {"s": -1}),
+    "1": ("Ratio", {}),
+    "A": ("Current", {"A": 1}),
+    "A/rad": ("IntegralGain", {"A": 1, "rad": -1}),
+    "A.s/rad": ("SpeedGain", {"A": 1, "s": 1, "rad": -1}),
+    "V": ("Voltage", {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    "V.s/rad": ("BackEmfCoefficient", {"kg": 1, "m": 2, "s": -2, "A": -1, "rad": -1}),
+    "W": ("Power", {"kg": 1, "m": 2, "s": -3}),
+    "Ohm": ("Resistance", {"kg": 1, "m": 2, "s": -3, "A": -2}),
+    "H": ("Inductance", {"kg": 1, "m": 2, "s": -2, "A": -2}),
+    "N.m": ("Torque", {"kg": 1, "m": 2, "s": -2}),
+    "N.m.s/rad": ("RotationalDamping", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+    "kg.m2": ("MomentOfInertia", {"kg": 1, "m": 2}),
+}
+"""Quantity, which is the name of the type too, and exponents of the SI base units, for each unit of a port."""
+
+DISPLAY_UNITS = {"rad": ("deg", 57.29577951308232), "rad/s": ("rpm", 9.549296585513721)}
+"""Display unit and its factor, where people read another unit."""
+
+
+def declare(parent: Element, name: str, *, prefix: str = "") -> Element:
+    """Append the declaration of the unit `name` to `parent`; `prefix` is that of the XML namespace, with its colon."""
+    unit = SubElement(parent, f"{prefix}Unit", name=name)
+    _, exponents = UNITS[name]
+    SubElement(unit, f"{prefix}BaseUnit", {base: str(exponent) for base, exponent in exponents.items()})
+    return unit
