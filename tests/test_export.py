@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from ema_fmu_src import __version__
+from ema_fmu_src.fmu import source
 from harness.cli import main
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -30,7 +32,7 @@ def installed(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -
     kept = shutil.ignore_patterns("__pycache__", "*.fmu", "*.ssp")
     for name in ("ema_fmu_src", "harness", "fmus"):
         shutil.copytree(ROOT / name, copy / name, ignore=kept)
-    for name in ("pyproject.toml", "README.md"):
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy)
     for path in fmus.values():
         shutil.copy(path, copy / "fmus")
@@ -52,6 +54,18 @@ def test_the_wheel_runs_at_once(installed: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "built" not in done.stdout
     assert (tmp_path / "results" / "report.html").is_file()
+
+
+def test_the_wheel_carries_what_a_build_needs_and_its_license(installed: Path) -> None:
+    """The C files of the native runtime too: a build from the wheel is a build from the sources."""
+    assert source.content_hash(installed / "ema_fmu_src") == source.content_hash()
+    assert {path.suffix for path in source.files(installed / "ema_fmu_src")} == {".py", ".c", ".h"}
+    for package in ("ema_fmu_src", "harness"):
+        assert (installed / package / "py.typed").is_file()
+    (about,) = installed.glob("ema_twins-*.dist-info")
+    assert about.name == f"ema_twins-{__version__}.dist-info"
+    assert (about / "licenses" / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
+    assert "License-Expression: MIT\n" in (about / "METADATA").read_text()
 
 
 def test_the_wheel_exports_what_it_carries(installed: Path, fmus: dict[str, Path], tmp_path: Path) -> None:

@@ -1,9 +1,11 @@
 """The command line `ema`, one command a file; heavy libraries are imported inside the commands: help comes at once."""
 
 import sys
+from typing import Annotated
 
 import typer
 
+from ema_fmu_src import __version__
 from harness.cli.bench import bench
 from harness.cli.build import build
 from harness.cli.campaign import campaign
@@ -27,8 +29,18 @@ for command in (build, run, campaign, identify, monitor, check, serve, compare, 
 app.add_typer(bench, name="bench")
 
 
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"EMA twins {__version__}")
+        raise typer.Exit
+
+
 @app.callback()
-def _ema() -> None:
+def _ema(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
     """Digital twins of an electromechanical flight-control actuator: build, fly, compare and diagnose them as FMUs."""
 
 
