@@ -1,1 +1,1 @@
-"""The built FMUs and what goes with them: the port table and the reference results."""
+"""The built FMUs, the table of their ports and their cross-check results."""

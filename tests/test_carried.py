@@ -101,7 +101,7 @@ def test_no_two_letters_look_alike() -> None:
 
 
 @MODELS
-def test_reference_results_are_repeated(fmus: dict[str, Path], model: str) -> None:
+def test_cross_check_results_are_repeated(fmus: dict[str, Path], model: str) -> None:
     """By FMPy, from the inputs as written; to the digits as written on one platform, and the bits are the same on all."""
     stimuli, expected, options = crosscheck.paths(model)
     told = dict(line.split(",") for line in options.read_text().splitlines())
@@ -120,7 +120,7 @@ def test_reference_results_are_repeated(fmus: dict[str, Path], model: str) -> No
 
 
 @MODELS
-def test_reference_results_are_in_the_fmu(fmus: dict[str, Path], model: str) -> None:
+def test_cross_check_results_are_in_the_fmu(fmus: dict[str, Path], model: str) -> None:
     with zipfile.ZipFile(fmus[model]) as archive:
         manifest = ElementTree.fromstring(archive.read(f"{crosscheck.EXTRA}/fmi-ls-manifest.xml"))
         sources = [related.get("source") for related in manifest]

@@ -1,1 +1,1 @@
-"""The FMUs: model description, slave, packaging."""
+"""The FMUs: model description, native and Python runtime, packaging."""

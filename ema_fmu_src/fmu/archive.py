@@ -1,4 +1,4 @@
-"""FMUs and SSPs as archives: the same members give the same bytes."""
+"""Zip archives of FMUs and SSPs: the same members give the same bytes."""
 
 import os
 import tempfile
@@ -7,11 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 DATE = (2026, 1, 1, 0, 0, 0)
-"""Of every member."""
+"""Time stamp of every member."""
 
 
 def write(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write the archive `path` whole or not at all, with fixed dates, order and permissions."""
+    """Write `members` (archive name -> content) to the archive `path`, completely or not at all.
+
+    Dates, order and permissions are fixed. OSError if `path` cannot be written.
+    """
     with tempfile.TemporaryDirectory(prefix="ema_", dir=path.parent) as scratch:
         finished = Path(scratch) / path.name
         with zipfile.ZipFile(finished, "w", zipfile.ZIP_DEFLATED) as archive:

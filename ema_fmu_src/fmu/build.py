@@ -1,4 +1,4 @@
-"""Builds the FMUs: gathers what goes into each, packs it and has it checked."""
+"""Builds the FMUs: collects the content of each, packs it and validates the result."""
 
 import hashlib
 import json
@@ -24,22 +24,22 @@ NATIVE_CAPABILITIES = {
 }
 SSP = "ema.ssp"
 RECORD = "resources/build.json"
-"""Archive name of what an FMU was built from."""
+"""Archive name of the record of what an FMU was built from."""
 
 
 def fmu_name(model: str) -> str:
-    """File name of the FMU of the twin `model`."""
+    """File name of the FMU of the twin `model` ("HF", "ELF" or "LF")."""
     return f"EMA_{model}.fmu"
 
 
 def _content(model: str) -> dict[str, str]:
-    """Hashes of what the FMU of the twin `model` would be built from now: the sources, the reference results."""
+    """Hashes of the sources and the cross-check results that the FMU of the twin `model` would be built from now."""
     results = hashlib.sha256(b"".join(crosscheck.members(model).values())).hexdigest()
     return {"source": source.content_hash(), "reference": results}
 
 
 def built_from(path: Path) -> dict[str, str]:
-    """The record in the FMU at `path`: hashes of its content, and its runtime; empty if it is none of ours."""
+    """The record in the FMU at `path`: its runtime and the hashes of its content; empty if there is none."""
     try:
         with zipfile.ZipFile(path) as fmu:
             return dict(json.loads(fmu.read(RECORD)))
@@ -48,7 +48,7 @@ def built_from(path: Path) -> dict[str, str]:
 
 
 def is_current(path: Path) -> bool:
-    """Whether the FMU at `path` was built from what is there now, for this platform too, with either runtime."""
+    """Whether the FMU at `path` was built from the present sources and runs on this platform, with either runtime."""
     model = path.stem.removeprefix("EMA_")
     if model not in ports.MODELS or not path.is_file() or not built_from(path).items() >= _content(model).items():
         return False
@@ -65,12 +65,12 @@ def build(
 ) -> list[Path]:
     """Write EMA_HF.fmu, EMA_ELF.fmu, EMA_LF.fmu (those in `models`) into the folder `out`; returns their paths.
 
-    With HF comes ema.ssp, the actuator as a system around it.
+    HF is accompanied by ema.ssp, a system with HF as its component.
 
-    `runtime`: "native" (shared libraries without Python, for `platforms`, names in targets.PLATFORMS, by default this
-    machine's) or "python" (pythonfmu's). Each file is written whole or not at all. Raises ValueError for an unknown
-    model, runtime or platform, OSError if `out` cannot be written, RuntimeError if a kernel cannot be emitted, a
-    library cannot be linked, or a built FMU does not pass FMPy's validation.
+    `runtime` is "native" (shared libraries that need no Python) or "python" (pythonfmu). `platforms` are names in
+    targets.PLATFORMS, by default this machine's; native only. Each file is written completely or not at all. ValueError
+    for an unknown model, runtime or platform; OSError if `out` cannot be written; RuntimeError if a kernel cannot be
+    emitted, a library cannot be linked, or an FMU does not pass FMPy's validation.
     """
     for kind, given, known in (
         ("twin", models, ports.MODELS),
@@ -96,7 +96,7 @@ def build(
             _validate(own / fmu_name(model))
             return own / fmu_name(model)
 
-        # compiling and linking are other processes' work; pythonfmu's builder is not to be run twice at once
+        # compilers and linkers are processes of their own; pythonfmu's builder must not run twice at once
         with ThreadPoolExecutor(os.cpu_count() if runtime == "native" else 1) as pool:
             finished = list(pool.map(one, models))
         if "HF" in models:
@@ -106,7 +106,7 @@ def build(
 
 
 def _carried(model: str) -> dict[str, bytes]:
-    """What an FMU holds besides its description and its runtime."""
+    """What an FMU holds besides its model description and its runtime."""
     return {
         "documentation/index.html": documentation.page(model).encode(),
         "model.png": image.png(model),
@@ -132,6 +132,6 @@ def _validate(path: Path) -> None:
     problems = validate_fmu(str(path))
     with zipfile.ZipFile(path) as fmu:
         if not any(name.startswith("binaries/") for name in fmu.namelist()):
-            problems.append("it has no binary: is pythonfmu's installation whole?")
+            problems.append("it has no binary: is the installation of pythonfmu complete?")
     if problems:
         raise RuntimeError(f"{path.name} does not validate: {'; '.join(problems)}")

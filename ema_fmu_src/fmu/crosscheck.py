@@ -1,8 +1,9 @@
-"""Reference results: where they lie beside the FMUs, and how an FMU carries them.
+"""Cross-check results: where they are stored, and how an FMU carries them.
 
-Beside the FMUs (fmus/reference/), named and laid out by the rules of the FMI cross-check: NAME_in.csv (inputs),
-NAME_ref.csv (results), NAME_ref.opt (how they were made). Inside an FMU the same files are an experiment after FMI-LS-REF
-(the layered standard for related files, 1.0.0-alpha.1), extra/org.fmi-standard.fmi-ls-ref/.
+An importer that repeats them has imported the FMU correctly. They are stored beside the FMUs, in fmus/reference/, with the
+names and the format of the FMI cross-check: NAME_in.csv (inputs), NAME_ref.csv (results), NAME_ref.opt (solver options). An
+FMU carries the same files as an experiment according to FMI-LS-REF 1.0.0-alpha.1, the layered standard for related files,
+in extra/org.fmi-standard.fmi-ls-ref/.
 """
 
 from pathlib import Path
@@ -17,12 +18,12 @@ SUFFIXES = ("_in.csv", "_ref.csv", "_ref.opt")
 
 
 def paths(model: str, folder: Path = FOLDER) -> list[Path]:
-    """The three files of the twin `model`: inputs, results, options."""
+    """Paths of the inputs, the results and the options of the twin `model` ("HF", "ELF" or "LF")."""
     return [folder / f"EMA_{model}{suffix}" for suffix in SUFFIXES]
 
 
 def members(model: str) -> dict[str, bytes]:
-    """Archive name -> content of what the FMU of the twin `model` carries; nothing if the results have not been made."""
+    """What the FMU of the twin `model` carries, archive name -> content; empty if there are no results yet."""
     files = paths(model)
     if not all(path.is_file() for path in files):
         return {}

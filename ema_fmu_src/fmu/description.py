@@ -1,4 +1,4 @@
-"""The model description, made from `ports` alone, so that every runtime of a twin carries the same one."""
+"""The model description, made from `ports` alone, so that both runtimes of a twin carry the same one."""
 
 import uuid
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -10,12 +10,12 @@ from .units import DISPLAY_UNITS, UNITS, declare
 
 START_TIME, STOP_TIME, STEP_SIZE = "0.0", "2.5", "0.0001"
 GENERATED = "2026-01-01T00:00:00Z"
-"""Fixed, so that the same source gives the same FMU byte for byte."""
+"""Fixed, so that the same sources give the same FMU byte for byte."""
 CATEGORIES = {
-    "logStatusWarning": "What the FMU noticed and went on with",
-    "logStatusDiscard": "Why a step was refused",
-    "logStatusError": "Why a value or a call was refused",
-    "logStatusFatal": "Why the FMU cannot go on",
+    "logStatusWarning": "Something is unusual; the FMU continues",
+    "logStatusDiscard": "A step was refused, and why",
+    "logStatusError": "A value or a call was refused, and why",
+    "logStatusFatal": "The FMU cannot continue, and why",
     "logAll": "All messages",
 }
 
@@ -37,7 +37,7 @@ INITIAL_DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "back_emf_c": (*_FIELD, "initial.motor_speed", "fault.N_c"),
     "motor_torque": (*_FIELD, *_CURRENTS, "fault.N_a", "fault.N_b", "fault.N_c"),
 }
-"""What the value of an output at the start depends on; the others start at zero."""
+"""Parameters that the initial value of an output depends on; the other outputs start at zero."""
 
 FLAGS = (
     "needsExecutionTool",
@@ -48,7 +48,7 @@ FLAGS = (
     "canGetAndSetFMUstate",
     "canSerializeFMUstate",
 )
-"""Flags of the CoSimulation element (FMI 2.0, section 4.3.1)."""
+"""Capability flags of the CoSimulation element (FMI 2.0, section 4.3.1)."""
 
 
 def _units() -> Element:
@@ -71,7 +71,7 @@ def _types() -> Element:
 
 
 def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> Element:
-    """One ScalarVariable (FMI 2.0, section 2.2.7); inputs have no `initial`, as the standard asks."""
+    """One ScalarVariable (FMI 2.0, section 2.2.7); inputs have no attribute `initial`, as the standard requires."""
     calculated = variable.causality in ("output", "local")
     attributes = {
         "name": variable.name,
@@ -97,7 +97,7 @@ def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> El
 
 
 def _structure() -> Element:
-    """The ModelStructure (FMI 2.0, section 2.2.8): no output depends on an input of the same point, only on the state."""
+    """The ModelStructure (FMI 2.0, section 2.2.8): an output depends on the state, not on an input at the same point."""
     structure = Element("ModelStructure")
     outputs = SubElement(structure, "Outputs")
     for variable in ports.OUTPUTS:
@@ -113,9 +113,9 @@ def _structure() -> Element:
 def model_description(model: str, *, runtime: str, source_hash: str, capabilities: dict[str, bool]) -> Element:
     """The fmiModelDescription of the twin `model` ("HF", "ELF" or "LF"; FMI 2.0, section 2.2).
 
-    `runtime` names what runs the kernels, for generationTool. `capabilities` are flags of the CoSimulation element;
-    those that are not named are false. The GUID follows from the description and from `source_hash`, the content of
-    the sources: the same content has the same GUID.
+    `runtime` goes into generationTool. `capabilities` are flags of the CoSimulation element; those that are not given are
+    false. The GUID is derived from the description and from `source_hash`, the hash of the sources: the same content has
+    the same GUID.
     """
     root = Element(
         "fmiModelDescription",

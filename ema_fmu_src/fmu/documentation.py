@@ -1,4 +1,4 @@
-"""documentation/index.html of an FMU, made from `ports` and from the twins' own module texts."""
+"""documentation/index.html of an FMU, made from `ports` and from the module docstrings of the twins."""
 
 import sys
 from collections.abc import Iterable
@@ -37,21 +37,21 @@ prognostics of electromechanical actuators</i>, J. Phys. Conf. Ser. 2526 (2023) 
 <h2 id="model">Model</h2>
 <p>Angles: theta is the motor's mechanical angle, theta_e = p*theta; phase j = a, b, c: theta_j = theta_e - 2*pi*j/3.
 Back-EMF coefficient of a phase: k_j = -N_j*K_e*sin(theta_j)*[1 + p*zeta*cos(theta_j - phi)]. The paper gives the structure
-of the models, ELF's limit (Eq. 1), the back-EMF with shorts and eccentricity (Eq. 2) and the trials; parameter values,
-HF's and LF's equations and what is marked <i>ours</i> come from this project: nothing here reproduces the authors' own
+of the models, ELF's limit (Eq. 1), the back-EMF with shorts and eccentricity (Eq. 2) and the trials. The parameter values,
+the equations of HF and LF, and what is marked <i>ours</i> come from this project: nothing here reproduces the authors' own
 curves.</p>
 <pre>{equations}</pre>
 
 <h2 id="use">Use</h2>
 <ul>
-<li>FMI 2.0 co-simulation. Communication steps may have any length above 0; 1e-4 s is the default. The twin keeps its own
-ticks: with constant inputs the results do not depend on how a run is cut.</li>
-<li>Parameters <code>fault.*</code> are tunable: set them before a run, or let a fault grow during it. The other parameters
-are fixed after initialization. <code>initial.*</code> start the twin in mid-motion.</li>
-<li><code>voltage_saturated</code> tells that some phase was voltage-limited in the last communication step: plain ELF has
+<li>FMI 2.0 co-simulation. A communication step may have any length above 0; the default is 1e-4 s. The twin keeps its own
+time grid: with constant inputs the results do not depend on the communication steps.</li>
+<li>The parameters <code>fault.*</code> are tunable: set them before a run, or let a fault grow during it. The other
+parameters are fixed after initialization. <code>initial.*</code> start the twin in motion.</li>
+<li><code>voltage_saturated</code> is true if some phase was voltage-limited in the last communication step: plain ELF has
 left its range of validity there; ELF+ (<code>driver.coupled_saturation</code>) has not.</li>
-<li>A value out of its range, a NaN or a call at the wrong time is refused with a message in the log, and changes nothing.
-</li>
+<li>A value out of its range, a NaN or a call that is not allowed at that time is refused with a message in the log, and
+changes nothing.</li>
 </ul>
 
 <h2 id="variables">Variables</h2>
@@ -79,7 +79,7 @@ def _value(variable: ports.Variable, value: float | None) -> str:
 
 
 def _table(title: str, variables: Iterable[ports.Variable], model: str) -> str:
-    heads = ("Reference", "Name", "Type", "Unit", "Start", "Range", "Meaning")
+    heads = ("Value reference", "Name", "Type", "Unit", "Start", "Range", "Meaning")
     rows = []
     for variable in variables:
         bounded = variable.kind != "Boolean" and (variable.minimum is not None or variable.maximum is not None)
@@ -95,7 +95,7 @@ def _table(title: str, variables: Iterable[ports.Variable], model: str) -> str:
 
 
 def page(model: str) -> str:
-    """The page of the twin `model` ("HF", "ELF" or "LF"): its equations, what it covers and what not, every variable."""
+    """The HTML page of the twin `model` ("HF", "ELF" or "LF"): its equations, what it covers and what not, its variables."""
     equations = (sys.modules[TWINS[model].advance.__module__].__doc__ or "").strip()
     return PAGE.format(
         model=model,

@@ -1,4 +1,4 @@
-"""A font of squares, seven high and as wide as a letter needs, for the names on the FMUs' pictures."""
+"""A bitmap font for the names on the pictures of the FMUs: seven rows, as many columns as a character needs."""
 
 _DRAWN = (
     """
@@ -45,7 +45,7 @@ _DRAWN = (
 
 
 def _glyphs() -> dict[str, tuple[str, ...]]:
-    found = {}
+    found: dict[str, tuple[str, ...]] = {}
     for drawn in _DRAWN:
         names, *rows = (line.split() for line in drawn.strip().splitlines())
         found |= dict(zip(names, zip(*rows, strict=True), strict=True))
@@ -53,4 +53,4 @@ def _glyphs() -> dict[str, tuple[str, ...]]:
 
 
 GLYPHS = _glyphs()
-"""Capital letter, digit or one of + - _ -> its rows from the top, "#" for a square that is filled."""
+"""Capital letter, digit or one of + - _ -> its rows from the top, "#" for a filled square."""

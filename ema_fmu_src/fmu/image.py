@@ -1,6 +1,6 @@
-"""model.png of an FMU: motor, gear and control surface, with the twin's name, for a block in a diagram.
+"""model.png of an FMU, its icon in a block diagram: motor, gear and control surface, and the name of the twin.
 
-Drawn from shapes as signed distances, so that edges are smooth and no library is needed.
+The shapes are signed distances, so that edges are smooth and no graphics library is needed.
 """
 
 import struct
@@ -16,11 +16,11 @@ Field = NDArray[np.float64]
 WIDTH, HEIGHT = 400, 240
 INK, BODY, SHAFT, SURFACE = (0.12, 0.16, 0.22), (0.18, 0.42, 0.71), (0.45, 0.50, 0.57), (0.90, 0.55, 0.16)
 SQUARE, MARGIN, TOP = 10, 20, 145
-"""Of the name [pixel]: its squares' size, what is left free at both sides, its upper edge."""
+"""Of the name [pixel]: size of its squares, free space at both sides, upper edge."""
 
 
 def _box(x: Field, y: Field, left: float, top: float, right: float, bottom: float, radius: float) -> Field:
-    """Signed distance [pixel] to a rectangle with rounded corners."""
+    """Signed distance [pixel] to a rectangle with corners of radius `radius`."""
     dx = np.abs(x - 0.5 * (left + right)) - 0.5 * (right - left) + radius
     dy = np.abs(y - 0.5 * (top + bottom)) - 0.5 * (bottom - top) + radius
     outside = np.sqrt(np.maximum(dx, 0.0) ** 2 + np.maximum(dy, 0.0) ** 2)
@@ -34,7 +34,7 @@ def _gear(x: Field, y: Field, cx: float, cy: float, radius: float, teeth: int) -
 
 
 def _wing(x: Field, y: Field, cx: float, cy: float, length: float, tilt: float) -> Field:
-    """Approximate signed distance [pixel] to a tapered surface that turns about its leading edge."""
+    """Approximate signed distance [pixel] to a tapered surface, turned by `tilt` [rad] about its leading edge."""
     along = (x - cx) * np.cos(tilt) + (y - cy) * np.sin(tilt)
     across = -(x - cx) * np.sin(tilt) + (y - cy) * np.cos(tilt)
     half = 15.0 * (1.0 - np.clip(along / length, 0.0, 1.0)) + 1.5
@@ -42,7 +42,7 @@ def _wing(x: Field, y: Field, cx: float, cy: float, length: float, tilt: float) 
 
 
 def _squares(name: str) -> Iterator[tuple[int, int, int]]:
-    """Left and upper edge and size [pixel] of each square of the text `name`; a long one has smaller squares."""
+    """Left edge, upper edge and size [pixel] of each square of the text `name`; a long text has smaller squares."""
     glyphs = [GLYPHS[letter] for letter in name.upper()]
     columns = sum(len(rows[0]) + 1 for rows in glyphs) - 1
     size = min(SQUARE, (WIDTH - 2 * MARGIN) // columns)
@@ -56,9 +56,9 @@ def _squares(name: str) -> Iterator[tuple[int, int, int]]:
 
 
 def png(name: str) -> bytes:
-    """The picture of the twin called `name` as PNG, 400 x 240, transparent outside the block.
+    """The picture of the twin `name` as PNG, 400 x 240 pixels, transparent outside the block.
 
-    KeyError for a character that the font has not.
+    KeyError for a character that the font does not have.
     """
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
     rgb = np.ones((HEIGHT, WIDTH, 3))

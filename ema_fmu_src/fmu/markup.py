@@ -6,7 +6,7 @@ from .. import ports
 
 
 def literal(kind: ports.Kind, value: float) -> str:
-    """`value` of a variable of the type `kind` as text; that of a Real is the shortest that reads back to the same float64."""
+    """`value` of a variable of the type `kind` as text; a Real has the fewest digits that give the same float64 again."""
     if kind == "Boolean":
         return "true" if value else "false"
     return repr(float(value)) if kind == "Real" else str(int(value))

@@ -1,4 +1,4 @@
-"""The python runtime's part of an FMU: pythonfmu's binaries, an entry script and the sources."""
+"""What the Python runtime puts into an FMU: pythonfmu's binaries, an entry script and the sources."""
 
 import sys
 import tempfile
@@ -9,7 +9,7 @@ from pythonfmu.builder import FmuBuilder
 
 from . import source
 
-SCRIPT = '''"""Entry of the FMU EMA_{model}: takes the sources that it was built from, wherever they are."""
+SCRIPT = '''"""Entry script of the FMU EMA_{model}: runs the sources that the FMU was built from, wherever they are."""
 
 import ctypes
 import importlib
@@ -20,16 +20,16 @@ HASH = "{digest}"
 BUNDLE = "{bundle}"
 FOLDER = str(Path(__file__).parent)
 
-# pythonfmu 0.7.0 runs this file in the module's dictionary at each instantiation and then releases that dictionary
-# once too often, which would crash the host after some instances: each run leaves one reference behind.
+# At each instantiation pythonfmu 0.7.0 runs this file in the module's dictionary and then decrements the reference count of
+# that dictionary once too often, which would crash the host after some instances: each run adds one.
 ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
 
-if FOLDER in sys.path:  # behind the host's own modules, as pythonfmu's builder in a process that also builds
+if FOLDER in sys.path:  # behind the host's own modules, one of which may be pythonfmu's builder
     sys.path.append(sys.path.pop(sys.path.index(FOLDER)))
 
 
 def _sources():
-    """The installed ema_fmu_src if its content is that of this FMU (its kernels are compiled then), else the bundle."""
+    """The installed ema_fmu_src if it has the content of this FMU's sources (its kernels may be compiled), else those."""
     try:
         source = importlib.import_module("ema_fmu_src.fmu.source")
         return "ema_fmu_src" if source.content_hash() == HASH else BUNDLE
@@ -44,7 +44,10 @@ class EMA_{model}(importlib.import_module(_sources() + ".fmu.slave").Slave):
 
 
 def members(model: str, scratch: Path) -> dict[str, bytes]:
-    """Model description, binaries and resources of the twin `model`: archive name -> content."""
+    """Model description, binaries and resources of the twin `model` ("HF", "ELF" or "LF"), archive name -> content.
+
+    `scratch` is a folder for temporary files.
+    """
     digest = source.content_hash()
     bundle = f"ema_fmu_src_{digest[:8]}"
     module = f"EMA_{model}_{digest[:8]}"

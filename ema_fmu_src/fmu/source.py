@@ -1,4 +1,4 @@
-"""The sources that FMUs are made from, and the hash that names their content."""
+"""The sources that the FMUs are built from, and the hash of their content."""
 
 import hashlib
 from pathlib import Path
@@ -16,21 +16,21 @@ RUNTIME = (
     "fmu/source.py",
     "fmu/units.py",
 )
-"""What the python runtime needs inside the FMU."""
+"""What the Python runtime needs inside an FMU."""
 
 
 def files(package: Path = PACKAGE) -> list[Path]:
-    """All sources of `package`, in a fixed order."""
+    """All source files of `package`, in a fixed order."""
     return sorted([*package.rglob("*.py"), *package.rglob("*.c"), *package.rglob("*.h")])
 
 
 def runtime_files(package: Path = PACKAGE) -> list[Path]:
-    """Those of `RUNTIME`, in a fixed order."""
+    """The files of `RUNTIME`, in a fixed order."""
     return sorted(path for pattern in RUNTIME for path in package.glob(pattern))
 
 
 def content_hash(package: Path = PACKAGE) -> str:
-    """SHA-256 over names and contents of `files(package)`, as 64 hexadecimal digits."""
+    """SHA-256 of the names and contents of `files(package)`, as 64 hexadecimal digits."""
     digest = hashlib.sha256()
     for path in files(package):
         digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")

@@ -1,9 +1,9 @@
-"""ema.ssp: the actuator as a system (SSP 1.0), with parameter sets for healthy and faulted.
+"""ema.ssp: the actuator as a system (SSP 1.0), with parameter sets for the healthy actuator and for faults.
 
-The system has one component, `actuator`, whose FMU is resources/EMA.fmu: swapping the fidelity is swapping that one file,
-for all of them have the same ports. Parameter sets lie beside it; SystemStructure.ssd binds that of `healthy`, and each
-other one has a structure of its own, NAME.ssd, as SSP provides for variants. The system itself has no connectors, which
-some importers do not know (ecos): a host sets and reads those of the actuator.
+The system has one component, `actuator`, with the FMU resources/EMA.fmu. To change the fidelity, replace that file: all
+fidelities have the same ports. SystemStructure.ssd binds the parameter set `healthy`; each of the other sets has a system
+structure of its own, NAME.ssd, as SSP provides for variants. The system itself has no connectors, because some importers
+(ecos) do not support them: a host uses those of the actuator.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 COMPONENT = "actuator"
 
 SET_NAME = "initialValues"
-"""Of every parameter set, as libcosim and ecos expect it of the one that is to be applied at the start."""
+"""Name of every parameter set: libcosim and ecos apply the set of this name at the start."""
 
 PARAMETER_SETS: dict[str, dict[str, float]] = {
     "healthy": {variable.name: variable.start for variable in ports.FAULTS},
@@ -28,11 +28,11 @@ PARAMETER_SETS: dict[str, dict[str, float]] = {
     "eccentric": {"fault.zeta": 0.1, "fault.phi": 0.5},
     "ELF+": {"driver.coupled_saturation": 1.0},
 }
-"""Parameter sets in the package, each a file resources/NAME.ssv."""
+"""Parameter sets in the package, by name, each in a file resources/NAME.ssv; values in the ports' units."""
 
 
 def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
-    """A parameter set (SSV); `name` goes into its description."""
+    """A parameter set (SSV) of `values`, parameter -> value in the port's unit; `name` is its description."""
     root = Element(
         "ssv:ParameterSet", {"xmlns:ssv": SSV, "xmlns:ssc": SSC, "version": "1.0", "name": SET_NAME, "description": name}
     )
@@ -62,7 +62,7 @@ def _declare_units(root: Element, prefix: str, variables: Iterable[ports.Variabl
 
 
 def structure(parameters: str) -> bytes:
-    """The system, its one component, and the set `parameters` of PARAMETER_SETS bound to it."""
+    """The system structure (SSD): one component with the set `parameters` of PARAMETER_SETS bound to it."""
     root = Element(
         "ssd:SystemStructureDescription",
         {"xmlns:ssd": SSD, "xmlns:ssc": SSC, "xmlns:ssv": SSV, "version": "1.0", "name": "EMA"}
@@ -88,7 +88,7 @@ def structure(parameters: str) -> bytes:
 
 
 def write(path: Path, fmu: Path) -> None:
-    """Write the package `path` around the FMU file `fmu`, whole or not at all."""
+    """Write the package `path` with the FMU file `fmu` as its component, completely or not at all."""
     members = {"resources/EMA.fmu": fmu.read_bytes()}
     for name, values in PARAMETER_SETS.items():
         members["SystemStructure.ssd" if name == "healthy" else f"{name}.ssd"] = structure(name)

@@ -27,8 +27,8 @@
         if (!(condition)) { fprintf(stderr, "host.c:%d: %s\n", __LINE__, #condition); exit(1); } \
     } while (0)
 
-static const fmi2ValueReference INPUT[] = {COMMAND, LOAD_TORQUE}, FAULT[] = {N_A}, OUTPUT[] = {OUTPUTS};
-enum { STEPS = 400, N_OUTPUTS = sizeof OUTPUT / sizeof *OUTPUT, STATE_AT = 137 };
+static const fmi2ValueReference inputs[] = {COMMAND, LOAD_TORQUE}, fault[] = {N_A}, outputs[] = {OUTPUTS};
+enum { STEPS = 400, N_OUTPUTS = sizeof outputs / sizeof *outputs, STATE_AT = 137 };
 static const double STEP = 1e-4;
 
 static void logger(fmi2ComponentEnvironment e, fmi2String n, fmi2Status s, fmi2String c, fmi2String message, ...) {
@@ -56,7 +56,7 @@ FUNCTION(fmi2DeSerializeFMUstate);
 static fmi2Component start(const char *name, const char *guid, const fmi2CallbackFunctions *callbacks, double n_a) {
     fmi2Component c = fmi2Instantiate(name, fmi2CoSimulation, guid, "", callbacks, fmi2False, fmi2True);
     NEED(c);
-    NEED(fmi2SetReal(c, FAULT, 1, &n_a) == fmi2OK);
+    NEED(fmi2SetReal(c, fault, 1, &n_a) == fmi2OK);
     NEED(fmi2SetupExperiment(c, fmi2False, 0.0, 0.0, fmi2False, 0.0) == fmi2OK);
     NEED(fmi2EnterInitializationMode(c) == fmi2OK);
     NEED(fmi2ExitInitializationMode(c) == fmi2OK);
@@ -67,9 +67,9 @@ static void step(fmi2Component c, int k, double amplitude, double *out) {
     /* a triangle and a load without any library's sine, so that every host commands the same bits */
     const double phase = (k % 200) / 200.0;
     const double values[] = {amplitude * (phase < 0.5 ? phase : 1.0 - phase), k > 200 ? 3.0 : 0.0};
-    NEED(fmi2SetReal(c, INPUT, 2, values) == fmi2OK);
+    NEED(fmi2SetReal(c, inputs, 2, values) == fmi2OK);
     NEED(fmi2DoStep(c, k * STEP, STEP, fmi2True) == fmi2OK);
-    NEED(fmi2GetReal(c, OUTPUT, N_OUTPUTS, out) == fmi2OK);
+    NEED(fmi2GetReal(c, outputs, N_OUTPUTS, out) == fmi2OK);
 }
 
 int main(int count, char **arguments) {

@@ -1,12 +1,12 @@
-"""Emits a twin's kernels as object code with no Python in it, for any target, on any machine.
+"""Emits the kernels of a twin as object code without Python, for any target, on any machine.
 
-Run as a program of its own (`python -m ema_fmu_src.fmu.native.emit MODEL FOLDER TRIPLE ...`), because numba takes its
-target processor from the environment when it is imported: a generic one, so that the code runs on every machine of
+It runs as a program of its own (`python -m ema_fmu_src.fmu.native.emit MODEL FOLDER TRIPLE ...`), because numba reads its
+target processor from the environment when it is imported: a generic one here, so that the code runs on every machine of
 the target's architecture.
 
-The recipe: numba compiles `initialize` and `advance` for plain pointers to float64; of the LLVM module everything but
-those two becomes internal, so that numba's wrappers for Python fall away; what is left is optimised and emitted for
-each target. Nothing may be left that reaches outside the kernels, nor a way to raise. The recipe leans on numba's
+The method: numba compiles `initialize` and `advance` for plain pointers to float64. In the LLVM module everything except
+these two is made internal, so that numba's wrappers for Python are eliminated; the rest is optimised and emitted for each
+target. The result must not call anything outside the kernels and must not be able to raise. The method depends on numba's
 mangled names and calling convention and on llvmlite's pass builder: pyproject pins both.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 ENVIRONMENT = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT": "3"}
-"""What `main` needs in its environment."""
+"""Environment variables that `main` needs."""
 
 ENTRY = """
 define hidden i32 @ema_{name}({arguments}) align 64 {{
@@ -28,20 +28,20 @@ define hidden i32 @ema_{name}({arguments}) align 64 {{
   ret i32 %narrow
 }}
 """
-"""`int ema_NAME(ARGUMENTS)`: numba's own convention is `int kernel(result *, exception **, ARGUMENTS)`, whose code is not 0
-only after a raise, and `_kernel_module` sees that there is none."""
-
+"""`int ema_NAME(ARGUMENTS)` around numba's own `int kernel(result *, exception **, ARGUMENTS)`, whose code is not 0 only
+after a raise; `_kernel_module` makes sure that there is none. Aligned to a cache line, because LF takes 6 % more time where
+the linker happens to put it badly."""
 
 INSTRUCTIONS = re.compile(r"llvm\.(fabs|memset|memcpy|assume|lifetime|smax|smin|umax|umin)\b.*")
-"""LLVM's intrinsics that become instructions (or memset and memcpy) on every target."""
+"""LLVM intrinsics that become instructions, memset or memcpy on every target."""
 
 
 class EmitError(RuntimeError):
-    """A kernel that cannot live without Python, and why."""
+    """A kernel that cannot run without Python, and why."""
 
 
 def _kernel_module(llvm: Any, function: Any, name: str, numbers: int) -> Any:
-    """The module of one kernel of two pointers and `numbers` float64, with an entry `ema_<name>` and all else internal."""
+    """The LLVM module of a kernel of two pointers and `numbers` float64: an entry `ema_<name>`, everything else internal."""
     from numba import types
 
     pointer = types.CPointer(types.float64)
@@ -49,7 +49,7 @@ def _kernel_module(llvm: Any, function: Any, name: str, numbers: int) -> Any:
     function.compile(signature)
     result = types.unliteral(function.overloads[signature].signature.return_type)
     if result != types.int64:
-        raise EmitError(f"{name}: returns {result}, a status (int64) is needed")
+        raise EmitError(f"{name}: returns {result}; a status (int64) is needed")
     kernel = function.overloads[signature].fndesc.llvm_func_name
     arguments = ", ".join(["ptr %v", "ptr %x", *(f"double %t{n}" for n in range(numbers))])
     text = function.inspect_llvm(signature)
@@ -63,7 +63,7 @@ def _kernel_module(llvm: Any, function: Any, name: str, numbers: int) -> Any:
 
 
 def _optimise(llvm: Any, module: Any, machine: Any) -> None:
-    """LLVM's own pipeline at -O3; it knows nothing of fast-math, so that the bits stay."""
+    """Run LLVM's pipeline at -O3, without fast-math, which would change the bits."""
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     builder = llvm.create_pass_builder(machine, options)
     passes = builder.getModulePassManager()
@@ -72,17 +72,20 @@ def _optimise(llvm: Any, module: Any, machine: Any) -> None:
 
 
 def _checked(module: Any, model: str) -> Any:
-    """`module`; EmitError if it reaches outside itself."""
+    """`module`; EmitError if it calls anything outside itself."""
     outside = [item.name for item in (*module.functions, *module.global_variables) if item.is_declaration]
     outside = [name for name in outside if not INSTRUCTIONS.fullmatch(name)]
     outside += ["fmod (a remainder of floats)"] if " frem " in str(module) else []
     if outside:
-        raise EmitError(f"{model}: the kernels call {', '.join(sorted(outside))}; arithmetic alone can be emitted")
+        raise EmitError(f"{model}: the kernels call {', '.join(sorted(outside))}; only arithmetic can be emitted")
     return module
 
 
 def emit(model: str, triples: list[str]) -> dict[str, bytes]:
-    """Object code of the twin `model` for each LLVM target triple, with `ema_initialize` and `ema_advance` in it."""
+    """Object code with `ema_initialize` and `ema_advance` of the twin `model`, for each of the LLVM target `triples`.
+
+    EmitError if a kernel needs Python, or if the environment is not `ENVIRONMENT`.
+    """
     import llvmlite.binding as llvm
     from numba.core import config
 
@@ -108,7 +111,7 @@ def emit(model: str, triples: list[str]) -> dict[str, bytes]:
 
 
 def main() -> int:
-    """Write FOLDER/MODEL-TRIPLE.o for each TRIPLE; exit code 2 and a line on stderr if that cannot be."""
+    """Write FOLDER/MODEL-TRIPLE.o for each TRIPLE; exit code 2 and one line on stderr if that is not possible."""
     model, folder, *triples = sys.argv[1:]
     try:
         for triple, code in emit(model, triples).items():

@@ -30,18 +30,18 @@ FLAGS = (
     "-s",
     "-g0",
 )
-"""No contraction: a*b + c rounded once on one platform and twice on another would part the results."""
+"""No contraction: a*b + c, rounded once on one platform and twice on another, would make their results differ."""
 LINUX_FLAGS = ("-fPIC", "-Wl,-z,defs", "-Wl,--build-id=none")
-"""No undefined symbol but the C library's; nothing that differs from build to build."""
+"""No undefined symbols except those of the C library; nothing that differs from build to build."""
 C_FILES = ("instance.c", "saved.c", "fmi2.c")
-"""Compiled as one: between the adapter and the instance calls would cost LF 4 to 8 % of a communication step."""
+"""Compiled as one translation unit: calls between the files would cost 2 to 8 % of a communication step of ELF+ and LF."""
 FAT_MAGIC, FAT_ALIGN = 0xCAFEBABE, 14
 MAC_CPU = {"x86_64": (0x01000007, 3), "arm64": (0x0100000C, 0)}
-"""cputype and cpusubtype of Mach-O."""
+"""Mach-O's cputype and cpusubtype of each processor."""
 
 
 def header(model: str, guid: str) -> str:
-    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes, messages and the GUID."""
+    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes and messages, and the FMU's GUID."""
 
     def number(value: float | None, unbounded: str) -> str:
         return unbounded if value is None or math.isinf(value) else float(value).hex()
@@ -88,7 +88,7 @@ def _emit(model: str, targets: Sequence[Target], scratch: Path) -> None:
     environment = {
         **os.environ,
         **ENVIRONMENT,
-        "XDG_CACHE_HOME": str(scratch / "cache"),  # what numba finds in a cache cannot be inspected any more
+        "XDG_CACHE_HOME": str(scratch / "cache"),  # numba cannot show the LLVM code of what it finds in a cache
         "PYTHONPATH": os.pathsep.join([str(package), os.environ.get("PYTHONPATH", "")]),
     }
     program = "ema_fmu_src.fmu.native.emit"
@@ -111,7 +111,7 @@ def _link(model: str, target: Target, scratch: Path, name: str) -> bytes:
 
 
 def _universal(slices: Mapping[str, bytes]) -> bytes:
-    """A universal Mach-O binary of one for each processor (the format of mach-o/fat.h)."""
+    """A universal Mach-O binary (mach-o/fat.h) of one binary for each processor, processor -> content."""
     head = struct.pack(">II", FAT_MAGIC, len(slices))
     body = b""
     offset = 1 << FAT_ALIGN
@@ -124,10 +124,10 @@ def _universal(slices: Mapping[str, bytes]) -> bytes:
 
 
 def libraries(model: str, guid: str, platforms: Sequence[str], *, scratch: Path) -> dict[str, bytes]:
-    """The shared library of the twin `model` for each of `platforms` (names in PLATFORMS): archive name -> content.
+    """The shared library of the twin `model` for each of `platforms` (names in PLATFORMS), archive name -> content.
 
-    `scratch` is an empty folder for what is made on the way. RuntimeError with the tool's message if a kernel cannot be
-    emitted, or if the C part does not compile or link; ModuleNotFoundError without ziglang.
+    `scratch` is an empty folder for temporary files. RuntimeError with the tool's message if a kernel cannot be emitted or
+    the C part does not compile or link; ModuleNotFoundError without ziglang.
     """
     if find_spec("ziglang") is None:
         raise ModuleNotFoundError("no module named ziglang", name="ziglang")

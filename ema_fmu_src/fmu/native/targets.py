@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Target:
-    """One machine and operating system, and what the tools call it."""
+    """A processor and an operating system, as the tools call them."""
 
     triple: str
-    """LLVM's name, for the emitted kernels."""
+    """For LLVM, which emits the kernels."""
     zig: str
-    """zig's name, for the C part and the linker."""
+    """For zig, which compiles the C part and links."""
 
 
 @dataclass(frozen=True)
 class Platform:
-    """One binary in an FMU: its folder under binaries/, its suffix, and the targets in it (two in a universal one)."""
+    """One binary in an FMU: its folder under binaries/, its suffix, and its targets (two in a universal binary)."""
 
     folder: str
     suffix: str
@@ -36,12 +36,12 @@ PLATFORMS = {
     "win64": Platform("win64", ".dll", (WINDOWS_X86,)),
     "darwin64": Platform("darwin64", ".dylib", (MAC_X86, MAC_ARM)),
 }
-"""By the name that `ema build --platform` takes. FMI 2.0 names the folders; it has none for Linux on arm64, which takes
-FMI 3.0's (section 2.5.1.1)."""
+"""By their names for `ema build --platform`. The folders are those of FMI 2.0, except for Linux on arm64, for which only
+FMI 3.0 has one (section 2.5.1.1)."""
 
 
 def host() -> str:
-    """Name in `PLATFORMS` of the machine this runs on; ValueError if no FMU can be built for it."""
+    """Name in `PLATFORMS` of this machine; ValueError if no FMU can be built for it."""
     arm = platform.machine().lower() in ("arm64", "aarch64")
     name = {"linux": "linux-arm64" if arm else "linux64", "win32": "win64", "darwin": "darwin64"}.get(sys.platform)
     if name is None:
@@ -50,7 +50,7 @@ def host() -> str:
 
 
 def parse(text: str) -> list[str]:
-    """Names in `PLATFORMS` from a comma-separated list in which `host` and `all` may stand; ValueError for another."""
+    """Names in `PLATFORMS` from a comma-separated list of them, which may contain `host` and `all`; ValueError otherwise."""
     chosen: dict[str, None] = {}
     for name in (part.strip() for part in text.split(",") if part.strip()):
         if name not in ("host", "all", *PLATFORMS):
