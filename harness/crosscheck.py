@@ -1,4 +1,4 @@
-"""Makes the cross-check results of the FMUs: the paper's trial SIN, in the format of the FMI cross-check."""
+"""Makes the reference results that go with the FMUs: the paper's trial SIN, laid out as the FMI cross-check asks."""
 
 import io
 from pathlib import Path
@@ -14,25 +14,24 @@ from harness.files import results
 from harness.trials import Trial, trial
 
 INPUT_EVERY, OUTPUT_EVERY = 20, 100
-"""Every 20th point of the inputs (2 ms; an importer interpolates) and every 100th of the results (10 ms), which is enough to
-reveal a wrong import."""
+"""Inputs every 2 ms, between which an importer interpolates; results every 10 ms, enough to tell a broken import."""
 TOLERANCE = 1e-6
-"""Relative and absolute tolerance in the options file; on one platform the FMUs repeat every digit that is written."""
+"""Relative tolerance named in the options file; on one platform our FMUs repeat every digit that is written."""
 
 
 def make(fmus: Path, out: Path) -> list[Path]:
-    """Fly SIN with HF, ELF and LF from the folder `fmus`; write NAME_in.csv, NAME_ref.csv, NAME_ref.opt of each into `out`.
+    """Fly SIN with HF, ELF and LF from the folder `fmus`, write NAME_in.csv, NAME_ref.csv, NAME_ref.opt into `out`.
 
-    `fmpy.simulate_fmu` flies them from the written inputs, so that any importer can do the same. Returns the paths.
-    HarnessError if an FMU cannot be flown or `out` cannot be written.
+    Flown by `fmpy.simulate_fmu` from the written inputs, so that any importer can do the same. Returns the paths.
     """
     results.prepare(out)
     flown = trial("SIN")
     written = []
-    for model in ports.MODELS:
-        stimuli, expected, options = crosscheck.paths(model, out)
+    for name in ("HF", "ELF", "LF"):
+        fmu = fmus / FIDELITIES[name].fmu
+        stimuli, expected, options = crosscheck.paths(name, out)
         results.write(stimuli, _inputs(flown))
-        results.write(expected, _fly(fmus / FIDELITIES[model].fmu, stimuli, flown))
+        results.write(expected, _fly(fmu, stimuli, flown))
         results.write(options, _options(flown))
         written += [stimuli, expected, options]
     return written

@@ -12,7 +12,7 @@ def reference(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the files; fmus/reference by default.")] = None,
     fmus: FmuDir = None,
 ) -> None:
-    """Write the cross-check results that the FMUs carry (after a change of the physics; then build again)."""
+    """Write the reference results that go into the FMUs (after a change of the physics; then build again)."""
     from ema_fmu_src.fmu.crosscheck import FOLDER
     from harness.cli.build import fmu_folder
     from harness.crosscheck import make
