@@ -123,9 +123,9 @@ def _native(model: str, platforms: Sequence[str], scratch: Path) -> dict[str, by
 
 
 def _python(model: str, scratch: Path) -> dict[str, bytes]:
-    from . import python  # pythonfmu, which the native runtime does not need
+    from .python import packing  # pythonfmu, which the native runtime does not need
 
-    return python.members(model, scratch)
+    return packing.members(model, scratch)
 
 
 def _validate(path: Path) -> None:

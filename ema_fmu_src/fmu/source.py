@@ -12,7 +12,8 @@ RUNTIME = (
     "fmu/__init__.py",
     "fmu/description.py",
     "fmu/markup.py",
-    "fmu/slave.py",
+    "fmu/python/__init__.py",
+    "fmu/python/slave.py",
     "fmu/source.py",
     "fmu/units.py",
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pythonfmu.builder import FmuBuilder
 
-from . import source
+from .. import source
 
 SCRIPT = '''"""Entry script of the FMU EMA_{model}: runs the sources that the FMU was built from, wherever they are."""
 
@@ -37,7 +37,7 @@ def _sources():
         return BUNDLE
 
 
-class EMA_{model}(importlib.import_module(_sources() + ".fmu.slave").Slave):
+class EMA_{model}(importlib.import_module(_sources() + ".fmu.python.slave").Slave):
     model = "{model}"
     sources = HASH
 '''

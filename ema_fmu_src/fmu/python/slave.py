@@ -19,9 +19,9 @@ from pythonfmu._version import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 from pythonfmu.variables import Boolean, Integer, Real
 
-from .. import ports
-from ..twins import STALE, STATUS, TOLERANCE, TWINS
-from . import description
+from ... import ports
+from ...twins import STALE, STATUS, TOLERANCE, TWINS
+from .. import description
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean}
 FOLLOWS_RELATIVE, FOLLOWS = 1e-9, 1e-10
