@@ -32,10 +32,12 @@ class FaultParameter:
 
     @property
     def unit(self) -> str:
+        """The port's unit."""
         return ports.VARIABLES[ports.INDEX[self.port]].unit
 
     @property
     def healthy(self) -> float:
+        """The healthy value, at which the port starts."""
         return ports.VARIABLES[ports.INDEX[self.port]].start
 
 
