@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.flight.twin import Twin
-from harness.identification.faults import from_values, to_parameters
+from harness.identification.coordinates import from_values, to_parameters
 from harness.identification.measured import CURRENT, Measured, measured
 from harness.trials import trial
 
@@ -17,16 +17,15 @@ def columns(
     fmu: Path,
     name: str,
     faults: dict[str, float],
+    parameters: dict[str, float] | None = None,
     *,
     seed: int = 1,
     rate: float = 2000.0,
     noisy: bool = True,
-    **others: float,
 ) -> dict[str, np.ndarray]:
-    """Columns of a measured run; `others` are parameters, dots written as two underscores."""
-    extra = {key.replace("__", "."): value for key, value in others.items()}
+    """Columns of a measured run of a trial; `faults` by short name, other `parameters` by port name."""
     with Twin(fmu) as plant:
-        run = plant.run(trial(name), to_parameters(from_values(faults)) | extra)
+        run = plant.run(trial(name), to_parameters(from_values(faults)) | (parameters or {}))
     every = round(1e4 / rate)
     rng = np.random.default_rng(seed)
     table = {"time": run.time.values[::every], "command": run["command"].values[::every]}
@@ -38,7 +37,7 @@ def columns(
 
 
 def as_run(table: dict[str, np.ndarray], channels: tuple[str, ...] = tuple(NOISE)) -> Measured:
-    """The columns as the monitor takes them."""
+    """The columns as a measured run."""
     picked = {name: table[name] for name in channels}
     return measured("run", table["time"], {"command": table["command"]}, picked, {}, where="run")
 

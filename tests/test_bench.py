@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from flight import Flight
 
-from harness.bench import identify, overhead, peers, speed
+from harness.bench import cases, evolution, overhead, peers, speed
 from harness.bench.peers import scipy_hf
 from harness.bench.speed import REFERENCE, Check
 from harness.cli import main
-from harness.identification.faults import FAULTS
+from harness.faults import FAULTS, KINDS
+from harness.identification.coordinates import COORDINATES
 
 
 def test_one_run_gives_table_page_and_json(
@@ -74,23 +75,25 @@ def test_identification_is_judged_case_by_case(
 
 
 def test_cases_cover_single_and_combined_faults_within_their_ranges() -> None:
-    drawn = identify.cases(60, 20, 1)
-    assert drawn == identify.cases(60, 20, 1) != identify.cases(60, 20, 2)
+    drawn = cases.cases(60, 20, 1)
+    assert drawn == cases.cases(60, 20, 1) != cases.cases(60, 20, 2)
     assert [len(case.truth) for case in drawn[60:]] == [0] * 20
-    kinds = [{name[0] if name[0] == "N" else name for name in case.truth} - {"phi"} for case in drawn[:60]]
+    kinds = [{FAULTS[name].kind for name in case.truth if name in FAULTS} for case in drawn[:60]]
     assert all(len(found) == 1 for found in kinds[::2]) and all(len(found) in (2, 3) for found in kinds[1::2])
-    assert set().union(*kinds[::2]) == set(identify.RANGES)
+    assert set().union(*kinds[::2]) == set(KINDS)
     for case in drawn:
+        assert ("zeta" in case.truth) == ("phi" in case.truth)
         for name, value in case.truth.items():
-            low, high = (-np.pi, np.pi) if name == "phi" else identify.RANGES["N" if name[0] == "N" else name]
+            low, high = FAULTS[name].studied if name in FAULTS else (-np.pi, np.pi)
             assert low <= value <= high
 
 
 def test_evolution_that_is_given_up_says_so(fmus: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(identify, "GENERATIONS", 1)
-    monkeypatch.setattr(identify, "POPULATION", 1)
-    found = identify.evolve(identify.cases(1, 0, 1)[0], fmus["HF"].parent, 1000.0)
-    assert not found.reached and found.evaluations == 16  # the first population of 8, and a generation of 8
+    monkeypatch.setattr(evolution, "GENERATIONS", 1)
+    monkeypatch.setattr(evolution, "POPULATION", 1)
+    found = evolution.evolve(cases.cases(1, 0, 1)[0], fmus["HF"].parent, 1000.0)
+    assert not found.reached
+    assert found.evaluations == 2 * len(COORDINATES)  # the first population, an individual a coordinate, and a generation
     assert found.error > found.least_squares_error
 
 

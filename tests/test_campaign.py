@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from ema_fmu_src import ports
 from harness.campaigns import features
-from harness.campaigns.fly import cluster, run
 from harness.campaigns.planfile import read_plan
+from harness.campaigns.run import cluster, run
 from harness.cli import app
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
@@ -99,7 +99,7 @@ def test_toml_grids_cases_and_options_make_the_table(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "options, said",
+    "options, message",
     [
         ({"ranges": {"fault.frction": [1, 2]}, "samples": 2}, "did you mean fault.friction"),
         ({"ranges": {"fault.N_a": [0.1, 1]}, "samples": 2}, "out of range, 0.3 to 1"),
@@ -113,8 +113,8 @@ def test_toml_grids_cases_and_options_make_the_table(tmp_path):
         ({"samples": 0}, "1 or more"),
     ],
 )
-def test_a_plan_that_cannot_be_flown_is_refused_with_a_line(options, said):
-    with pytest.raises(HarnessError, match=said) as refusal:
+def test_a_plan_that_cannot_be_flown_is_refused_with_a_line(options, message):
+    with pytest.raises(HarnessError, match=message) as refusal:
         read_plan(None, options)
     assert "\n" not in str(refusal.value)
 

@@ -9,12 +9,13 @@ import pytest
 from plant import NOISE, PHASES, as_run, columns, write
 from typer.testing import CliRunner
 
+from ema_fmu_src import ports
 from harness.cli import app
 from harness.errors import HarnessError
+from harness.faults import ESTIMATED, FAULTS
 from harness.fidelity import FIDELITIES
-from harness.identification import faults
+from harness.identification import coordinates
 from harness.identification.diagnosis import Diagnosis, identify
-from harness.identification.faults import FAULTS
 from harness.identification.measured import jumps_of, noise_of, read_measured
 from harness.trials import BUILT_IN
 
@@ -34,30 +35,30 @@ def folder(fmus: dict[str, Path]) -> Path:
     return fmus["HF"].parent
 
 
-def diagnose(folder: Path, table: dict[str, np.ndarray], monitor: str = "ELF+", **options: object) -> Diagnosis:
-    return identify(as_run(table), fmus=folder, monitor=FIDELITIES[monitor], **options)
+def diagnose(folder: Path, table: dict[str, np.ndarray], fidelity: str = "ELF+", **options: object) -> Diagnosis:
+    return identify(as_run(table), fmus=folder, fidelity=FIDELITIES[fidelity], **options)
 
 
-@pytest.mark.parametrize("monitor", ["ELF+", "LF"])
+@pytest.mark.parametrize("fidelity", ["ELF+", "LF"])
 @pytest.mark.parametrize("case", CASES)
-def test_known_faults_are_found_and_only_those_are_alarmed(case, monitor, folder, fmus):
+def test_known_faults_are_found_and_only_those_are_alarmed(case, fidelity, folder, fmus):
     trial, truth = CASES[case]
-    found = diagnose(folder, columns(fmus["HF"], trial, truth), monitor)
+    found = diagnose(folder, columns(fmus["HF"], trial, truth), fidelity)
     assert not found.complaints
     alarms = {item.fault for item in found.estimates if item.alarm}
     assert alarms == {name for name in truth if name != "phi"}
     for name, value in truth.items():
         item = found.estimate(name)
-        assert (item.identifiable and item.low <= value <= item.high) or monitor == "LF"
+        assert (item.identifiable and item.low <= value <= item.high) or fidelity == "LF"
         assert abs(item.value - value) < (0.25 if name == "phi" else 0.05 * FAULTS[name].span)
     assert ("healthy" in found.verdict) == (not truth)
 
 
-def test_hf_as_the_monitor_has_no_gap_to_itself(folder, fmus):
+def test_hf_as_the_model_has_no_gap_to_itself(folder, fmus):
     """By way of ELF+, in seconds; without noise what is left is the ripple of two chaotic runs, and ELF+'s bias has gone."""
     table = columns(fmus["HF"], "CHIRP", {"friction": 1.5, "N_a": 0.85}, rate=10000.0, noisy=False)
-    found = {monitor: diagnose(folder, table, monitor) for monitor in ("HF", "ELF+")}
-    off = {monitor: abs(item.estimate("N_a").value - 0.85) for monitor, item in found.items()}
+    found = {fidelity: diagnose(folder, table, fidelity) for fidelity in ("HF", "ELF+")}
+    off = {fidelity: abs(item.estimate("N_a").value - 0.85) for fidelity, item in found.items()}
     assert off["HF"] < 3e-4 < off["ELF+"] and found["HF"].evaluations < 500
     assert {item.fault for item in found["HF"].estimates if item.alarm} == {"friction", "N_a"}
     for name, value in (("friction", 1.5), ("N_a", 0.85), ("backlash", 1.0), ("N_b", 1.0), ("gain", 1.0)):
@@ -99,7 +100,7 @@ def test_rest_carries_no_weight(fmus):
     run = as_run(columns(fmus["HF"], "STEP-RAMP", {"friction": 2.0}))
     held = (run.time > 0.6) & (run.time < 1.2)
     moving = run.time > 1.5
-    assert not run.carries[held].any() and run.carries[moving].mean() > 0.95
+    assert not run.informative[held].any() and run.informative[moving].mean() > 0.95
 
 
 def test_intervals_cover_the_truth_over_many_noises(folder, fmus):
@@ -129,7 +130,7 @@ def test_where_stick_and_slip_stall_every_search_evolution_goes_on(folder, fmus)
 def test_phase_currents_do_instead_of_the_filtered_one(folder, fmus):
     table = columns(fmus["HF"], "SIN", {"N_b": 0.8}, rate=10000.0)
     run = as_run(table, ("position", "motor_speed", *PHASES))
-    found = identify(run, fmus=folder, monitor=FIDELITIES["ELF+"])
+    found = identify(run, fmus=folder, fidelity=FIDELITIES["ELF+"])
     assert not found.complaints and found.estimate("N_b").value == pytest.approx(0.8, abs=0.03)
 
 
@@ -137,7 +138,7 @@ def test_phase_currents_do_instead_of_the_filtered_one(folder, fmus):
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_a_run_from_rest_is_seen_as_such(name, noisy, fmus):
     run = as_run(columns(fmus["HF"], name, {}, noisy=noisy))
-    assert run.initial.get("initial.motor_speed", 0.0) == 0.0 and run.carries[run.time < 0.2].any()
+    assert run.initial.get("initial.motor_speed", 0.0) == 0.0 and run.informative[run.time < 0.2].any()
 
 
 def test_a_run_that_begins_in_motion(folder, fmus):
@@ -148,7 +149,7 @@ def test_a_run_that_begins_in_motion(folder, fmus):
 
 
 @pytest.mark.parametrize(
-    "change, said",
+    "change, message",
     [
         (lambda t: t | {"position": np.degrees(t["position"])}, "degrees instead of rad"),
         (lambda t: t | {"motor_speed": t["motor_speed"] * 30.0 / math.pi}, "rpm instead of rad/s"),
@@ -162,28 +163,64 @@ def test_a_run_that_begins_in_motion(folder, fmus):
     ],
     ids=["degrees", "rpm", "sign", "wrong column", "command in degrees too", "interchanged"],
 )
-def test_what_cannot_be_explained_is_said_to_be_so(change, said, folder, fmus):
+def test_what_cannot_be_explained_is_said_to_be_so(change, message, folder, fmus):
     found = diagnose(folder, change(columns(fmus["HF"], "SIN", {}, rate=500.0)))
-    assert found.complaints and said in found.verdict and found.health is None
+    assert found.complaints and message in found.verdict and found.health is None
     assert not any(item.alarm for item in found.estimates)
 
 
 @pytest.mark.parametrize(
     "trial, other",
-    [("SIN", {"load_torque": 3.0}), ("SIN", {"fault__open_switch": 1}), ("CHIRP", {"fault__resolver_offset": 0.2})],
+    [("SIN", {"load_torque": 3.0}), ("SIN", {"fault.open_switch": 1}), ("CHIRP", {"fault.resolver_offset": 0.2})],
 )
 def test_a_fault_outside_the_set_is_not_fitted_quietly(trial, other, folder, fmus):
-    assert diagnose(folder, columns(fmus["HF"], trial, {}, rate=500.0, **other)).complaints
+    assert diagnose(folder, columns(fmus["HF"], trial, {}, other, rate=500.0)).complaints
 
 
 def test_weak_magnets_are_remarked_as_such(folder, fmus):
-    found = diagnose(folder, columns(fmus["HF"], "SIN", {}, fault__magnet=0.8))
+    found = diagnose(folder, columns(fmus["HF"], "SIN", {}, {"fault.magnet": 0.8}))
     assert any("weaker magnets" in line for line in found.remarks)
 
 
-def test_coordinates_go_both_ways_and_noise_is_measured():
+@pytest.mark.parametrize("name", ESTIMATED)
+def test_every_fault_is_declared_within_its_port(name):
+    parameter = ESTIMATED[name]
+    port = ports.VARIABLES[ports.INDEX[parameter.port]]
+    lowest, highest, step = parameter.slider
+    assert port.minimum <= lowest <= parameter.healthy <= highest <= port.maximum and 0.0 < step < highest - lowest
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_every_range_of_a_fault_lies_within_the_next(name):
+    fault = FAULTS[name]
+    port = ports.VARIABLES[ports.INDEX[fault.port]]
+    (low, high), (lowest, highest) = fault.studied, fault.searched
+    assert port.minimum <= lowest <= low <= fault.healthy <= high <= highest <= port.maximum
+    assert low <= fault.limit <= high and fault.limit != fault.healthy
+    if fault.angle is not None:
+        assert fault.healthy == low == lowest == 0.0 and math.hypot(highest, highest) <= port.maximum
+
+
+def test_a_search_of_the_eccentricity_stays_where_the_back_emf_keeps_its_sign():
+    pairs = ports.VARIABLES[ports.INDEX["motor.p"]].start
+    assert pairs * math.hypot(*2 * [FAULTS["zeta"].searched[1]]) < 1.0
+
+
+def test_a_fault_to_both_sides_has_a_limit_on_each():
+    gain, friction = FAULTS["gain"], FAULTS["friction"]
+    assert [gain.limit_towards(value) for value in (0.9, 1.0, 1.1)] == [0.5, 0.5, 1.5]
+    assert [friction.limit_towards(value) for value in (0.9, 1.1)] == [3.0, 3.0]
+
+
+def test_coordinates_go_both_ways():
+    assert [item.fault for item in coordinates.COORDINATES].count("zeta") == 2 == len(coordinates.PLACES["zeta"])
     truth = {"friction": 2.0, "backlash": 30.0, "N_a": 0.9, "N_b": 1.0, "N_c": 0.8, "zeta": 0.1, "phi": -2.5, "gain": 1.2}
-    assert faults.to_values(faults.from_values(truth)) == pytest.approx(truth)
+    assert coordinates.to_values(coordinates.from_values(truth)) == pytest.approx(truth)
+    assert list(truth) == list(ESTIMATED) == list(coordinates.to_values(coordinates.from_values({})))
+    assert coordinates.from_values({}) == pytest.approx(0.0, abs=0.0)
+
+
+def test_noise_and_jumps_are_measured():
     t = np.linspace(0.0, 1.0, 4000)
     series = np.sin(20.0 * t) + 0.01 * np.random.default_rng(0).standard_normal(t.size)
     assert noise_of(series) == pytest.approx(0.01, rel=0.1)
@@ -192,7 +229,7 @@ def test_coordinates_go_both_ways_and_noise_is_measured():
 
 
 @pytest.mark.parametrize(
-    "spoil, said",
+    "spoil, message",
     [
         (lambda t: {k: v for k, v in t.items() if k != "motor_speed"}, "no column 'motor_speed'"),
         (lambda t: {k: v for k, v in t.items() if "current" not in k}, "no column 'equivalent_current_filtered'"),
@@ -206,9 +243,9 @@ def test_coordinates_go_both_ways_and_noise_is_measured():
         ),
     ],
 )
-def test_bad_files_get_one_line(spoil, said, fmus, tmp_path):
+def test_bad_files_get_one_line(spoil, message, fmus, tmp_path):
     path = write(tmp_path / "run.csv", spoil(columns(fmus["HF"], "SIN", {})))
-    with pytest.raises(HarnessError, match=said) as refusal:
+    with pytest.raises(HarnessError, match=message) as refusal:
         read_measured(path)
     assert "\n" not in str(refusal.value)
 
@@ -222,8 +259,9 @@ def test_command_writes_page_and_json_and_ends_with_1_if_unexplained(folder, fmu
     common = ["--fmus", str(folder), "--out", str(tmp_path)]
     result = CliRunner().invoke(app, ["identify", str(good), *common, "--json", str(tmp_path / "good.json")])
     assert result.exit_code == 0 and "faulty: friction" in result.output
-    told = json.loads((tmp_path / "good.json").read_text())
-    assert told["explained"] and told["faults"]["friction"]["alarm"] and told["evaluations"] > 50
+    written = json.loads((tmp_path / "good.json").read_text())
+    assert written["explained"] and written["faults"]["friction"]["alarm"] and written["evaluations"] > 50
+    assert written["monitor"] == "ELF+" and list(written["faults"]) == list(ESTIMATED)
     page = (tmp_path / "good_identified.html").read_text()
     assert "faulty: friction" in page and "identified" in page and "http-equiv" not in page
     result = CliRunner().invoke(app, ["identify", str(bad), *common])
@@ -231,7 +269,7 @@ def test_command_writes_page_and_json_and_ends_with_1_if_unexplained(folder, fmu
 
 
 @pytest.mark.parametrize(
-    "words, said",
+    "words, message",
     [
         (["--monitor", "ELF++"], "did you mean ELF"),
         (["--set", "fault.friction=2"], "it is what is estimated"),
@@ -240,6 +278,6 @@ def test_command_writes_page_and_json_and_ends_with_1_if_unexplained(folder, fmu
         (["--threshold", "2"], "less than 1"),
     ],
 )
-def test_bad_options_get_one_line(words, said, tmp_path):
+def test_bad_options_get_one_line(words, message, tmp_path):
     result = CliRunner().invoke(app, ["identify", str(tmp_path / "none.csv"), *words])
-    assert isinstance(result.exception, HarnessError) and said in str(result.exception)
+    assert isinstance(result.exception, HarnessError) and message in str(result.exception)

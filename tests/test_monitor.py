@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from harness.cli import app
 from harness.errors import HarnessError
-from harness.identification.faults import FAULTS
+from harness.faults import FAULTS
 from harness.prognosis.growth import follow
 from harness.prognosis.history import read_flights
 
@@ -76,17 +76,17 @@ def test_dates_come_from_names_or_a_list_and_else_flights_are_counted(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text, said",
+    "text, message",
     [
         ("day,file\n1,a.csv\n", "columns date and file"),
         ("date,file\n2026-13-01,run.csv\n", "line 2: '2026-13-01' is not a date"),
         ("date,file\n2026-01-01,none.csv\n", "line 2: there is no file"),
     ],
 )
-def test_bad_lists_get_one_line(text, said, tmp_path):
+def test_bad_lists_get_one_line(text, message, tmp_path):
     (tmp_path / "run.csv").write_text("")
     (tmp_path / "list.csv").write_text(text)
-    with pytest.raises(HarnessError, match=said):
+    with pytest.raises(HarnessError, match=message):
         read_flights(tmp_path / "list.csv")
 
 
@@ -100,11 +100,11 @@ def test_command_follows_a_growing_fault_and_leaves_out_what_it_cannot_read(fmus
     common = ["--fmus", str(fmus["HF"].parent), "--out", str(tmp_path), "--json", str(tmp_path / "outlook.json")]
     result = CliRunner().invoke(app, ["monitor", str(runs), *common, "--limit", "friction=2.5"])
     assert result.exit_code == 1 and "left out" in result.output and "friction reaches its limit" in result.output
-    told = json.loads((tmp_path / "outlook.json").read_text())
-    friction = told["faults"]["friction"]
-    assert told["unit"] == "days" and friction["rate"] == pytest.approx(0.03, rel=0.05)
+    written = json.loads((tmp_path / "outlook.json").read_text())
+    friction = written["faults"]["friction"]
+    assert written["unit"] == "days" and friction["rate"] == pytest.approx(0.03, rel=0.05)
     assert friction["remaining_useful_life"]["50 %"] == pytest.approx((2.5 - 1.75) / 0.03, rel=0.1)
-    assert not any(fault["grows"] for name, fault in told["faults"].items() if name != "friction")
+    assert not any(fault["grows"] for name, fault in written["faults"].items() if name != "friction")
     page = (tmp_path / "monitor.html").read_text()
     assert "Time of the event" in page and "2026-01-28" in page
 

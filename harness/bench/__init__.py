@@ -1,1 +1,1 @@
-"""`ema bench`: speed and accuracy of the fidelities in one table, the master's overhead, and peers."""
+"""`ema bench`: speed and accuracy of the fidelities, overhead of the master, peers; and identification put to the test."""

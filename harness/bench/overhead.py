@@ -1,7 +1,7 @@
-"""What the master adds to the FMU's own time, a communication step: ours and `fmpy.simulate_fmu`, same outputs recorded.
+"""What a master adds to the FMU's own time in a communication step: ours and `fmpy.simulate_fmu`, same outputs recorded.
 
-Our loop's own share is timed with functions that do nothing in the place of the FMU's; what is left of a run is the FMU;
-FMPy's share is what is left of its run without the FMU.
+Our loop alone is timed with functions that do nothing in place of the FMU's. The rest of a run with the FMU is the FMU's own
+time, and the rest of FMPy's run is FMPy's share.
 """
 
 import statistics
@@ -26,7 +26,7 @@ OUTPUTS = [port.name for port in ports.OUTPUTS if port.kind == "Real"]
 
 @dataclass(frozen=True)
 class Overhead:
-    """Seconds a communication step: of the FMU, of the compiled master, of FMPy's loop; whether all outputs agree."""
+    """Seconds a communication step: of the FMU, the compiled master and FMPy's loop; whether all outputs are identical."""
 
     fidelity: str
     fmu: float
@@ -53,7 +53,7 @@ def _median(run: Callable[[], float], repeats: int) -> float:
 
 
 class _Nothing:
-    """In the place of FMPy's slave: its functions do nothing."""
+    """Stands in for FMPy's slave: its functions do nothing."""
 
     component = 0
 
@@ -66,7 +66,10 @@ for _name in master.CALLS:
 
 
 def measure(fmus: Path, fidelity: str, *, repeats: int = 5) -> Overhead:
-    """Of one fidelity with the FMU in the folder `fmus`: STEPS steps under a held command, every Real output recorded."""
+    """Measure one fidelity with the FMU in the folder `fmus`: STEPS steps at a constant command, every Real output recorded.
+
+    Times are medians of `repeats` runs.
+    """
     chosen = FIDELITIES[fidelity]
     start: dict[str, Any] = {"command": 0.1, **chosen.parameters}
     with Twin(fmus / chosen.fmu) as twin:

@@ -23,12 +23,12 @@ MODES: dict[str, tuple[str, dict[str, float]]] = {
     "ELF+": ("ELF+", {}),
     "LF": ("LF", {}),
 }
-"""Rows of the table: name -> fidelity and what is set besides."""
-ONCE = (REFERENCE, "HF fixed 1e-6 s")
-"""Flown once, because they take their time."""
-PAPERS = {"HF": "180 s, 17.5 s accelerated", "ELF": "1.8 s, 0.8 s accelerated"}
-"""The paper's times (Simulink, i7-9750H) of a run whose duration it does not give."""
-CHANGED: dict[str, dict[str, float]] = {
+"""Rows of the table: name -> fidelity, and the parameters set for it."""
+FLOWN_ONCE = (REFERENCE, "HF fixed 1e-6 s")
+"""Modes that are flown once only, because they are slow."""
+PAPER_TIMES = {"HF": "180 s, 17.5 s accelerated", "ELF": "1.8 s, 0.8 s accelerated"}
+"""The paper's wall times (Simulink, i7-9750H) of a run whose duration it does not give."""
+CHANGES: dict[str, dict[str, float]] = {
     "supply 36 V": {"supply_voltage": 36.0},
     "current limit 20 A": {"controller.current_limit": 20.0},
     "R = 2 Ohm": {"motor.R": 2.0},
@@ -36,12 +36,15 @@ CHANGED: dict[str, dict[str, float]] = {
     "zeta = 0.1": {"fault.zeta": 0.1},
 }
 FAULTY = ("N_a = 0.7", "zeta = 0.1")
+"""Those of CHANGES that are faults."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One mode in one trial: wall time per simulated second [s], median of several; NRMSE by variable, None for the
-    reference itself."""
+    """One mode in one trial: wall time per simulated second [s], median of several; NRMSE by variable.
+
+    The reference itself has no errors.
+    """
 
     trial: str
     mode: str
@@ -68,30 +71,34 @@ class Check:
 
 @dataclass
 class Speed:
-    """What was measured."""
+    """What was measured: rows of the table, and errors with one parameter changed."""
 
     rows: list[Row] = field(default_factory=list)
     changed: dict[tuple[str, str, str], dict[str, float | None]] = field(default_factory=dict)
     """(what is changed, trial, mode) -> errors against the fixed-step HF with the same change."""
 
-    def row(self, flown: str, mode: str) -> Row:
-        return next(row for row in self.rows if (row.trial, row.mode) == (flown, mode))
+    def row(self, name: str, mode: str) -> Row:
+        """The row of the trial `name` in one mode."""
+        return next(row for row in self.rows if (row.trial, row.mode) == (name, mode))
 
     def trials(self) -> list[str]:
         return list(dict.fromkeys(row.trial for row in self.rows))
 
 
-def plan(trials: Sequence[str], repeats: int) -> int:
-    """How many runs `measure` will fly."""
+def count_runs(trials: Sequence[str], repeats: int) -> int:
+    """Number of runs that `measure` flies."""
     changed = [name for name in ("SIN4", "SIN", "STEP-RAMP") if name in trials]
-    extra = sum(len(CHANGED) if name == "SIN4" else len(FAULTY) for name in changed)
-    return len(trials) * (len(ONCE) + repeats * (len(MODES) - len(ONCE))) + 3 * extra
+    extra = sum(len(CHANGES) if name == "SIN4" else len(FAULTY) for name in changed)
+    return len(trials) * (len(FLOWN_ONCE) + repeats * (len(MODES) - len(FLOWN_ONCE))) + 3 * extra
 
 
 def measure(
     fmus: Path, trials: Sequence[str] = tuple(BUILT_IN), *, repeats: int = 5, on_run: Callable[[str], None] = lambda _: None
 ) -> Speed:
-    """Fly every mode of MODES in `trials` with the FMUs in the folder `fmus`, one after the other on one core."""
+    """Fly every mode of MODES in `trials` with the FMUs in the folder `fmus`, one after another on one core.
+
+    `on_run` is called with a description before each run.
+    """
     speed = Speed()
     with ExitStack() as stack:
         twins = {name: stack.enter_context(Twin(fmus / chosen.fmu)) for name, chosen in FIDELITIES.items()}
@@ -104,27 +111,27 @@ def measure(
         for name in trials:
             reference = None
             for mode in MODES:
-                runs = [fly(name, mode) for _ in range(1 if mode in ONCE else repeats)]
+                runs = [fly(name, mode) for _ in range(1 if mode in FLOWN_ONCE else repeats)]
                 reference = runs[0] if reference is None else reference
                 wall = statistics.median(run.attrs["wall_s"] / run.attrs["simulated_s"] for run in runs)
                 errors = {} if mode == REFERENCE else errors_of(runs[0], reference)
                 speed.rows.append(Row(name, mode, wall, errors))
-        for name, changes in (("SIN4", tuple(CHANGED)), ("SIN", FAULTY), ("STEP-RAMP", FAULTY)):
+        for name, changes in (("SIN4", tuple(CHANGES)), ("SIN", FAULTY), ("STEP-RAMP", FAULTY)):
             for change in changes if name in trials else ():
-                reference = fly(name, REFERENCE, CHANGED[change])
+                reference = fly(name, REFERENCE, CHANGES[change])
                 for mode in ("HF", "ELF+"):
-                    speed.changed[change, name, mode] = errors_of(fly(name, mode, CHANGED[change]), reference)
+                    speed.changed[change, name, mode] = errors_of(fly(name, mode, CHANGES[change]), reference)
     return speed
 
 
 def errors_of(run: xr.Dataset, reference: xr.Dataset) -> dict[str, float | None]:
-    """NRMSE of each of VARIABLES."""
+    """NRMSE of each of VARIABLES; None where it is not defined."""
     found = compare(run, reference, names=("candidate", "reference"))
     return {item.variable: item.nrmse for item in found if item.variable in VARIABLES}
 
 
 def checks(speed: Speed) -> Iterator[Check]:
-    """The figures that this project sets itself, for the trials that were flown."""
+    """The limits that this project sets itself, for the trials that were flown."""
     position, motor_speed, current = VARIABLES
     for name in speed.trials():
         hf, plus, lf, fixed = (speed.row(name, mode) for mode in ("HF", "ELF+", "LF", REFERENCE))

@@ -1,12 +1,12 @@
-"""Features of a run, as diagnosis by learning takes them.
+"""Features of a run, for diagnosis by machine learning.
 
-Of each output that is kept: `OUTPUT_rms` and `OUTPUT_range` (its unit). `tracking_error_rms`, `tracking_error_max` [rad]:
-command minus position. `current_harmonic_K` [A]: amplitude of the equivalent current's K-th harmonic of the electrical
-angle, weighted by the angle that is turned, the current counted in the sense of rotation (shorts show in K = 2,
-eccentricity in K = 3). `energy_supply`, `energy_copper` [J]: drawn from the bus, and lost in the windings.
-`saturated_part`: part of the run in which the voltage limits.
+For each output that is kept: `OUTPUT_rms` and `OUTPUT_range`, in its unit. `tracking_error_rms`, `tracking_error_max` [rad]:
+of command minus position. `current_harmonic_K` [A]: amplitude of the K-th harmonic of the equivalent current over the
+electrical angle, weighted by the angle turned, with the current counted in the sense of rotation; shorts show in K = 2,
+eccentricity in K = 3. `energy_supply`, `energy_copper` [J]: drawn from the bus, and lost in the windings. `saturated_part`:
+part of the run in which the voltage saturates.
 
-The sums are compiled: between two runs the caches are cold, and NumPy's many calls took twice as long.
+The sums are compiled: between two runs the caches are cold, and many calls of NumPy took twice as long.
 """
 
 import math
@@ -25,12 +25,12 @@ NEEDED = (
     "position", "motor_position", "motor_speed", "equivalent_current_filtered", "supply_current", "copper_loss",
     "voltage_saturated",
 )  # fmt: skip
-"""Outputs that the features are made from."""
+"""Outputs from which features are computed."""
 PAIRS = float(ports.VARIABLES[ports.INDEX["motor.p"]].start)
 
 
 def names(kept: Sequence[str]) -> list[str]:
-    """Names of the features when the outputs `kept` are kept, in order."""
+    """Names of the features, in order, if the outputs `kept` are kept."""
     of_outputs = [f"{name}_{kind}" for name in kept for kind in ("rms", "range")]
     harmonics = [f"current_harmonic_{k}" for k in range(1, HARMONICS + 1)]
     return [*of_outputs, "tracking_error_rms", "tracking_error_max", *harmonics, "energy_supply", "energy_copper",
@@ -48,8 +48,9 @@ def features(
 ) -> list[float]:
     """Features of one run, in the order of `names`.
 
-    `kept`: outputs as they are kept, with noise; `at_rate`: command and NEEDED at the same times; `whole`: supply_current,
-    copper_loss and voltage_saturated at all communication points, `step` [s] apart, and there too `supply`, the voltage [V].
+    `kept`: the outputs that are kept, with noise, shape (n_times,) each; `at_rate`: command and NEEDED at the same times;
+    `whole`: supply_current, copper_loss and voltage_saturated at all communication points, `step` [s] apart; `supply`: the
+    voltage [V] at those points, or one for all; `pairs`: pole pairs.
     """
     found = [figure for series in kept.values() for figure in _rms_and_range(series)]
     error = at_rate["command"] - at_rate["position"]
@@ -65,7 +66,7 @@ def features(
 
 @njit(cache=True)
 def harmonics(current, motor_position, motor_speed, pairs):  # type: ignore[no-untyped-def]
-    """Amplitudes [A] of the first HARMONICS harmonics of the electrical angle, shape (HARMONICS,)."""
+    """Amplitudes [A] of the first HARMONICS harmonics of the current over the electrical angle, shape (HARMONICS,)."""
     turned, mean = 0.0, 0.0
     for n in range(len(current)):
         turned += abs(motor_speed[n])
@@ -86,7 +87,7 @@ def harmonics(current, motor_position, motor_speed, pairs):  # type: ignore[no-u
 
 @njit(cache=True)
 def _sums(supply_voltage, supply_current, copper_loss, saturated):  # type: ignore[no-untyped-def]
-    """Sums over the steps of the power drawn, of the power lost, and of what is saturated, in one pass."""
+    """Sums over the steps of the power drawn, the power lost and the saturation, in one pass."""
     drawn, lost, limited = 0.0, 0.0, 0.0
     for n in range(1, len(supply_current)):
         drawn += supply_voltage[n] * supply_current[n]

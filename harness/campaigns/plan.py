@@ -1,4 +1,4 @@
-"""What a campaign flies: the plan, and the table of its cases, which the plan alone decides."""
+"""What a campaign flies: the plan, and the table of its cases, which follows from the plan alone."""
 
 import hashlib
 import itertools
@@ -20,7 +20,8 @@ RATE = 500.0
 
 @dataclass(frozen=True)
 class Noise:
-    """White noise on an output: its standard deviation in the output's unit, or as a part of the output's range in a run."""
+    """White noise on an output: its standard deviation, in the output's unit or, if `relative`, as a fraction of the range
+    of the output in a run."""
 
     sigma: float
     relative: bool
@@ -28,7 +29,8 @@ class Noise:
 
 @dataclass(frozen=True)
 class Table:
-    """The cases: `values`, shape (n_cases, len(names)), and the places of each case's trial and fidelity in the plan."""
+    """The cases: `values` of the parameters `names`, shape (n_cases, n_names), and the places of each case's trial and
+    fidelity in the plan, shape (n_cases,)."""
 
     names: tuple[str, ...]
     values: NDArray[np.float64]
@@ -41,10 +43,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Plan:
-    """A campaign: each trial is flown with each fidelity, grid point and sample (or row of a file).
+    """A campaign: each trial is flown with each fidelity, at each point of the grid and each sample (or row of a file).
 
-    `ranges`: parameter -> low, high, sampled; `grid`: parameter -> values, all combinations; `listed`: the columns of a
-    file of cases; `rate` [Hz] of what is kept.
+    `ranges`: parameter -> low, high of the samples; `grid`: parameter -> values, of which all combinations are flown;
+    `listed`: parameter -> values, the columns of a file of cases; `fixed`: parameter -> value in all cases; `noise` by
+    output; `rate` [Hz] of what is kept.
     """
 
     trials: tuple[Trial, ...]
@@ -62,7 +65,7 @@ class Plan:
 
     @property
     def every(self) -> int:
-        """Communication steps between two that are kept."""
+        """Number of communication steps from one time that is kept to the next."""
         return round(1.0 / (self.rate * self.trials[0].step))
 
     @property
@@ -71,7 +74,7 @@ class Plan:
         return self.trials[0].time[:: self.every]
 
     def table(self) -> Table:
-        """All cases, fidelity by fidelity, trial by trial; the same table for the same plan, wherever it is made."""
+        """All cases, by fidelity, then by trial; the same table for the same plan on every machine."""
         blocks = [self._samples()] if not self.listed else [np.array(list(self.listed.values())).T]
         names = [*(self.listed or self.ranges), *self.grid, *self.fixed]
         fixed = list(self.fixed.values())
@@ -95,17 +98,18 @@ class Plan:
         return low + np.asarray(points) * (high - low)
 
     def digest(self, fmus: Mapping[str, str]) -> str:
-        """SHA-256 of all that decides the data: the cases, the trials' inputs, noise, what is kept, the FMUs' hashes."""
+        """SHA-256 of all that determines the data: cases, inputs of the trials, noise, what is kept, and the hashes `fmus`
+        of the FMUs by file name."""
         table = self.table()
-        told = json.dumps([
+        described = json.dumps([
             table.names, [(f.name, f.parameters, fmus[f.fmu]) for f in self.fidelities],
             [(t.name, t.start, t.step, sorted(t.continuous)) for t in self.trials],
             [(name, noise.sigma, noise.relative) for name, noise in self.noise.items()],
             self.outputs, self.every, self.seed,
         ])  # fmt: skip
-        whole = hashlib.sha256(told.encode())
-        for flown in self.trials:
-            for name, series in flown.inputs.items():
+        whole = hashlib.sha256(described.encode())
+        for trial in self.trials:
+            for name, series in trial.inputs.items():
                 whole.update(name.encode() + np.ascontiguousarray(series).tobytes())
         for part in (table.values, table.trial.astype("<i8"), table.fidelity.astype("<i8")):
             whole.update(np.ascontiguousarray(part).tobytes())

@@ -1,4 +1,4 @@
-"""A plan from a TOML file and from options: every value is checked, and what cannot be flown is told with its place."""
+"""A plan from a TOML file and from options: every value is checked, and an error names the place of what cannot be flown."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -17,13 +17,13 @@ from harness.trials import Trial, trial
 
 KEYS = ("trials", "fidelities", "samples", "sampling", "seed", "ranges", "grid", "cases", "set", "noise", "outputs", "rate")
 MOST_CASES = 10_000_000
-RECORDED = {port.name: port for port in ports.OUTPUTS}
+OUTPUT_PORTS = {port.name: port for port in ports.OUTPUTS}
 
 
 def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None = None) -> Plan:
-    """A plan from a TOML file (keys KEYS) and `options` of the same names, which take precedence; `own` is flown too.
+    """A plan from a TOML file with the keys KEYS, and from `options` of the same names, which take precedence.
 
-    HarnessError that names file and key for whatever cannot be flown.
+    `own`: a trial that is flown too. HarnessError, with file and key or option, for whatever cannot be flown.
     """
     given = _toml(path) if path else {}
     where = {key: f"{path}, {key}" for key in given}
@@ -61,10 +61,10 @@ def _check(plan: Plan, where: Mapping[str, str]) -> None:
     if plan.samples > 1 and not plan.ranges and not plan.noise:
         raise HarnessError(f"{where.get('samples')}: {plan.samples} samples of no range would all be the same; give ranges")
     first = plan.trials[0]
-    for flown in plan.trials[1:]:
-        if flown.start != first.start or flown.step != first.step or len(flown.time) != len(first.time):
+    for other in plan.trials[1:]:
+        if other.start != first.start or other.step != first.step or len(other.time) != len(first.time):
             raise HarnessError(
-                f"the trials {first.name} and {flown.name} have other times; one campaign needs the same for all"
+                f"the trials {first.name} and {other.name} have different times; one campaign needs the same for all"
             )
     steps = 1.0 / (plan.rate * first.step)
     if steps < 1.0 - 1e-9 or abs(steps - round(steps)) > 1e-6:
@@ -98,7 +98,7 @@ def _mapping(given: Mapping[str, Any], key: str, where: str | None) -> dict[str,
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """TOML reads `fault.N_a = 1` as a table in a table: names with dots again."""
+    """Names with dots again: TOML reads `fault.N_a = 1` as a table in a table."""
     flat: dict[str, Any] = {}
     for name, value in table.items():
         flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
@@ -119,9 +119,9 @@ def _trials(value: Any, where: str) -> tuple[Trial, ...]:
 def _outputs(value: Any, where: str) -> tuple[str, ...]:
     names = _texts(value, where)
     for name in names:
-        if name not in RECORDED:
-            raise unknown("output", name, RECORDED)
-    return tuple(sorted(dict.fromkeys(names), key=list(RECORDED).index))
+        if name not in OUTPUT_PORTS:
+            raise unknown("output", name, OUTPUT_PORTS)
+    return tuple(sorted(dict.fromkeys(names), key=list(OUTPUT_PORTS).index))
 
 
 def _number(value: Any, where: str) -> float:
@@ -165,15 +165,15 @@ def _pair(name: str, values: Any, where: str) -> tuple[float, float]:
 
 
 def _noise(name: str, value: Any, where: str) -> Noise:
-    if name not in RECORDED or RECORDED[name].kind != "Real":
-        raise unknown("output", name, [port.name for port in RECORDED.values() if port.kind == "Real"])
+    if name not in OUTPUT_PORTS or OUTPUT_PORTS[name].kind != "Real":
+        raise unknown("output", name, [port.name for port in OUTPUT_PORTS.values() if port.kind == "Real"])
     relative = isinstance(value, str) and value.strip().endswith("%")
     try:
         sigma = float(value.strip().removesuffix("%")) / 100.0 if isinstance(value, str) and relative else float(value)
     except (TypeError, ValueError):
         sigma = -1.0
     if not 0.0 <= sigma < float("inf"):
-        raise HarnessError(f"{where}: a standard deviation is needed, in {RECORDED[name].unit}, or '1 %' of the range")
+        raise HarnessError(f"{where}: a standard deviation is needed, in {OUTPUT_PORTS[name].unit}, or '1 %' of the range")
     return Noise(sigma, relative)
 
 
@@ -187,7 +187,7 @@ def _listed(path: Any, where: str) -> dict[str, tuple[float, ...]]:
 
 
 def parse_assignments(texts: Sequence[str], option: str) -> dict[str, str]:
-    """NAME=TEXT by name; HarnessError for one without a name or value."""
+    """Name -> text, from texts NAME=TEXT; HarnessError, beginning with `option`, for one without a name or text."""
     parts = [(text, *map(str.strip, text.partition("="))) for text in texts]
     for text, name, equals, value in parts:
         if not (name and equals and value):
@@ -196,7 +196,7 @@ def parse_assignments(texts: Sequence[str], option: str) -> dict[str, str]:
 
 
 def parse_numbers(text: str, separator: str, where: str) -> list[float]:
-    """Numbers between separators."""
+    """The numbers between the separators; HarnessError, beginning with `where`, if one is no number."""
     try:
         return [float(part) for part in text.split(separator)]
     except ValueError:

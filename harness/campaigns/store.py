@@ -1,6 +1,6 @@
-"""The campaign's dataset on disk: a Zarr store that plain xarray opens, filled batch by batch, and features as Parquet.
+"""The dataset of a campaign on disk: a Zarr store that plain xarray opens, filled batch by batch, and features as Parquet.
 
-A batch is written as whole chunks; its chunk of `done` comes last, so that a batch that was cut off is flown again.
+A batch is written as whole chunks. Its chunk of `done` comes last, so that a batch that was interrupted is flown again.
 """
 
 import json
@@ -22,18 +22,18 @@ from harness.campaigns.worker import Result
 from harness.errors import HarnessError
 
 BATCH = 64
-"""Cases a batch, and a chunk."""
-ROWS = 65536
-"""Cases of the Parquet file that are in memory at a time."""
-REASON = 200
+"""Cases in a batch, and in a chunk."""
+PARQUET_ROWS = 65536
+"""Cases that are in memory at a time while the Parquet file is written."""
+REASON_LENGTH = 200
 """Characters kept of the reason why a case failed."""
 STORE, FEATURES = "campaign.zarr", "features.parquet"
 
 
 class Store:
-    """The dataset of a plan in a folder, made anew or taken up where it was left.
+    """The dataset of a plan in `folder`, created, or opened where it was left; `fmus`: file name -> hash of each FMU.
 
-    HarnessError if that of another plan is there.
+    HarnessError if the folder holds the dataset of another plan.
     """
 
     def __init__(self, folder: Path, plan: Plan, fmus: Mapping[str, str]) -> None:
@@ -61,7 +61,7 @@ class Store:
         return group
 
     def _create(self, digest: str, fmus: Mapping[str, str]) -> None:
-        """The empty store, under another name until it is whole."""
+        """Create the empty store, under another name until it is whole."""
         made = self.path.with_suffix(".new")
         dataset = _coordinates(self.plan, digest, fmus)
         whole = {name: {"chunks": variable.shape or (1,)} for name, variable in dataset.coords.items()}
@@ -71,50 +71,52 @@ class Store:
             group = zarr.open_group(made, mode="r+")
             for name in self.plan.outputs:
                 port = ports.VARIABLES[ports.INDEX[name]]
-                told = {"units": port.unit, "long_name": port.description}
-                self._add(group, name, "float32", np.nan, told, time=len(self.plan.time))
+                attributes = {"units": port.unit, "long_name": port.description}
+                self._add(group, name, "float32", np.nan, attributes, time=len(self.plan.time))
             self._add(group, "features", "float64", np.nan, {}, feature=features_of_each)
-            self._add(group, "failure", f"<U{REASON}", None, {"long_name": "Why the case failed; empty if not"})
+            self._add(group, "failure", f"<U{REASON_LENGTH}", None, {"long_name": "Why the case failed; empty if not"})
             self._add(group, "done", "bool", None, {"long_name": "Whether the case has been flown"})
             zarr.consolidate_metadata(made, zarr_format=2)
             made.rename(self.path)
         except OSError as error:
             raise HarnessError(f"{self.path}: cannot be written: {error.strerror}") from None
 
-    def _add(self, group: zarr.Group, name: str, kind: str, fill: Any, told: dict[str, str], **others: int) -> None:
-        """An array over the cases, and over the dimensions `others` (name = size), that takes no room until it is filled."""
+    def _add(self, group: zarr.Group, name: str, kind: str, fill: Any, attributes: dict[str, str], **others: int) -> None:
+        """Add an array over the cases and the dimensions `others` (name = size); it takes no space until it is filled."""
         group.create_array(
             name,
             shape=(len(self.table), *others.values()),
             chunks=(BATCH, *others.values()),
             dtype=kind,
             fill_value=fill,
-            attributes={"_ARRAY_DIMENSIONS": ["case", *others], **told},
+            attributes={"_ARRAY_DIMENSIONS": ["case", *others], **attributes},
         )
 
     def batches(self) -> list[range]:
-        """The cases of each batch that is still to be flown."""
+        """The cases of each batch that is not yet done."""
         done = np.asarray(self._arrays["done"][:])
         count = len(self.table)
         whole = [range(first, min(first + BATCH, count)) for first in range(0, count, BATCH)]
         return [cases for cases in whole if not done[cases.start]]
 
     def write(self, cases: range, result: Result) -> None:
-        """A batch's results; it counts as done when all of it is there."""
+        """Write the result of a batch; it counts as done when all of it is written."""
         rows = slice(cases.start, cases.stop)
         for place, name in enumerate(self.plan.outputs):
             self._arrays[name][rows] = result.values[:, place]
         self._arrays["features"][rows] = result.features
         if any(result.failures):
-            self._arrays["failure"][rows] = np.array([reason[:REASON] for reason in result.failures], dtype=f"<U{REASON}")
+            self._arrays["failure"][rows] = np.array(
+                [reason[:REASON_LENGTH] for reason in result.failures], dtype=f"<U{REASON_LENGTH}"
+            )
         self._arrays["done"][rows] = True
 
     def finish(self) -> list[tuple[int, str]]:
-        """Write the features as Parquet; number and reason of each case that failed."""
+        """Write the features as Parquet; returns number and reason of each case that failed."""
         made, failed = self._features.with_suffix(".new"), []
         writer: pq.ParquetWriter | None = None
-        for first in range(0, len(self.table), ROWS):
-            part = self._dataframe(slice(first, first + ROWS))
+        for first in range(0, len(self.table), PARQUET_ROWS):
+            part = self._dataframe(slice(first, first + PARQUET_ROWS))
             writer = writer or pq.ParquetWriter(made, part.schema)
             writer.write_table(part)
             reasons = enumerate(part.column("failure").to_pylist(), start=first)
@@ -125,7 +127,7 @@ class Store:
         return failed
 
     def _dataframe(self, cases: slice) -> pa.Table:
-        """Parameters, features and failures of some cases, for the Parquet file."""
+        """Parameters, failures and features of some cases, for the Parquet file."""
         dataset = xr.open_zarr(self.path).isel(case=cases)
         columns: dict[str, Any] = {"case": dataset["case"].values}
         columns |= {name: dataset[name].values for name in ("trial", "fidelity", *self.table.names, "failure")}
@@ -135,13 +137,13 @@ class Store:
 
 
 def _coordinates(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
-    """What is known of the dataset before a case is flown."""
+    """Coordinates and attributes of the dataset, which are known before any case is flown."""
     table = plan.table()
     coordinates: dict[str, Any] = {
         "case": np.arange(len(table)),
         "time": ("time", plan.time, {"units": "s"}),
         "feature": np.array(features.names(plan.outputs)),
-        "trial": ("case", np.array([flown.name for flown in plan.trials])[table.trial]),
+        "trial": ("case", np.array([trial.name for trial in plan.trials])[table.trial]),
         "fidelity": ("case", np.array([fidelity.name for fidelity in plan.fidelities])[table.fidelity]),
     }
     for name, series in _parameters(plan).items():
@@ -158,7 +160,7 @@ def _coordinates(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset
 
 
 def _parameters(plan: Plan) -> dict[str, np.ndarray]:
-    """Every parameter's value in every case, and the inputs that are held; a fidelity's own defaults where none is given."""
+    """Every parameter, and every input that is held: its value in each case, by default the start of the case's fidelity."""
     table = plan.table()
     models = [fidelity.fmu.removeprefix("EMA_").removesuffix(".fmu") for fidelity in plan.fidelities]
     held = [port for port in ports.INPUTS if port.name in table.names]

@@ -1,4 +1,4 @@
-"""What a Dask worker does: a batch of cases, with FMUs that come by content and stay open."""
+"""What a Dask worker does: it flies batches of cases, with FMUs that are sent by content and stay open."""
 
 import contextlib
 import hashlib
@@ -26,12 +26,12 @@ Array = NDArray[np.float64]
 
 
 SUPPLY = float(ports.VARIABLES[ports.INDEX["supply_voltage"]].start)
-"""Of a run that is given none [V]."""
+"""Supply voltage [V] of a run that sets none."""
 
 
 @dataclass(frozen=True)
 class Shared:
-    """What all cases of a campaign share, by its `digest`; `fmus`: file name -> SHA-256 and content."""
+    """What all cases of a campaign share. `digest`: the campaign's; `fmus`: file name -> SHA-256 and content."""
 
     digest: str
     trials: tuple[Trial, ...]
@@ -45,10 +45,10 @@ class Shared:
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases in a row of the campaign `digest`.
+    """Consecutive cases of the campaign `digest`.
 
-    `cases`: their numbers; `trial`, `fidelity`: of each, places in the campaign's; `values`, shape (n_cases, len(names)):
-    the parameters `names` of each.
+    `cases`: their numbers; `trial`, `fidelity`: of each, its place among the campaign's; `values`, shape (n_cases,
+    n_names): the parameters `names` of each.
     """
 
     digest: str
@@ -61,8 +61,11 @@ class Batch:
 
 @dataclass(frozen=True)
 class Result:
-    """`values`, shape (n_cases, n_outputs, n_times), float32; `features` (n_cases, n_features); `failures`: a line for each
-    case, empty if it was flown (a failed one's values are NaN); `fmu_seconds`: in the FMUs, all cases."""
+    """What a batch gives.
+
+    `values`, shape (n_cases, n_outputs, n_times); `features`, shape (n_cases, n_features); `failures`: a line for each case,
+    empty if it was flown; a failed one's values are NaN. `fmu_seconds`: spent inside the FMUs, all cases.
+    """
 
     values: NDArray[np.float32]
     features: Array
@@ -72,14 +75,12 @@ class Result:
 
 _own = threading.local()
 """Of this thread: open twins by hash (an instance is used by one thread alone), and the array that runs are written to."""
-
-
 _shared: dict[str, Shared] = {}
-"""Of this process: what each campaign's cases share."""
+"""Of this process: digest of a campaign -> what its cases share."""
 
 
 class SharedByWorkers(WorkerPlugin):
-    """Brings what all cases share to every worker, once, instead of with each batch; and loads the compiled code there."""
+    """Sends what all cases share to every worker once, instead of with each batch, and loads the compiled code there."""
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
@@ -97,12 +98,12 @@ class SharedByWorkers(WorkerPlugin):
         _shared.pop(self.shared.digest, None)
 
 
-def release() -> str:
-    """The release of this software that the worker has."""
+def software_version() -> str:
+    """The release of this software on the worker."""
     return __version__
 
 
-def fly(batch: Batch) -> Result:
+def fly_batch(batch: Batch) -> Result:
     """Fly the cases of `batch`, one after another."""
     shared = _shared[batch.digest]
     times = len(shared.trials[0].time[:: shared.every])
@@ -110,10 +111,10 @@ def fly(batch: Batch) -> Result:
     found = np.full((len(batch.cases), len(features.names(shared.outputs))), np.nan)
     failures, seconds = [""] * len(batch.cases), 0.0
     for place, case in enumerate(batch.cases):
-        flown, fidelity = shared.trials[batch.trial[place]], shared.fidelities[batch.fidelity[place]]
+        trial, fidelity = shared.trials[batch.trial[place]], shared.fidelities[batch.fidelity[place]]
         parameters = dict(zip(batch.names, batch.values[place].tolist(), strict=True))
         try:
-            kept, row, wall = _fly_case(shared, flown, fidelity, parameters, case)
+            kept, row, wall = _fly_case(shared, trial, fidelity, parameters, case)
         except HarnessError as error:
             failures[place] = str(error)
             continue
@@ -123,20 +124,20 @@ def fly(batch: Batch) -> Result:
 
 
 def _fly_case(
-    shared: Shared, flown: Trial, fidelity: Fidelity, parameters: dict[str, float], case: int
+    shared: Shared, trial: Trial, fidelity: Fidelity, parameters: dict[str, float], case: int
 ) -> tuple[list[Array], list[float], float]:
-    """The outputs that are kept, their features, and the seconds in the FMU; HarnessError if the case cannot be flown."""
+    """The outputs that are kept, their features, and seconds inside the FMU; HarnessError if the case cannot be flown."""
     recorded = _recorded(shared.outputs)
     twin = _twin(fidelity.fmu, *shared.fmus[fidelity.fmu])
-    buffer = _buffer((len(flown.inputs["command"]), len(recorded)))
-    run, wall = twin.record(flown, parameters | fidelity.parameters, recorded, into=buffer)
+    buffer = _buffer((len(trial.inputs["command"]), len(recorded)))
+    run, wall = twin.record(trial, parameters | fidelity.parameters, recorded, into=buffer)
     columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
     at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in columns.items()}
     kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])
-    seen = at_rate | kept | {"command": flown.inputs["command"][:: shared.every]}
-    supply = flown.inputs.get("supply_voltage", parameters.get("supply_voltage", SUPPLY))
+    seen = at_rate | kept | {"command": trial.inputs["command"][:: shared.every]}
+    supply = trial.inputs.get("supply_voltage", parameters.get("supply_voltage", SUPPLY))
     pairs = parameters.get("motor.p", features.PAIRS)
-    row = features.features(kept, seen, columns, supply, step=flown.step, pairs=pairs)
+    row = features.features(kept, seen, columns, supply, step=trial.step, pairs=pairs)
     if not np.isfinite(row).all():  # they are made of all that is kept
         raise HarnessError(f"{fidelity.fmu}: an output is no finite number")
     return list(kept.values()), row, wall
@@ -149,7 +150,7 @@ def _recorded(outputs: tuple[str, ...]) -> list[ports.Variable]:
 
 
 def _noisy(kept: dict[str, Array], noise: Mapping[str, Noise], seed: list[int]) -> dict[str, Array]:
-    """The outputs with their noise; the same for the same seed, whatever else is kept and wherever it is flown."""
+    """The outputs with their noise; the same for the same seed, whatever else is kept and wherever the case is flown."""
     noisy = {}
     for name, series in kept.items():
         if name in noise:
@@ -162,7 +163,7 @@ def _noisy(kept: dict[str, Array], noise: Mapping[str, Noise], seed: list[int]) 
 
 
 def _buffer(shape: tuple[int, int]) -> Array:
-    """The array for a run, the same again for the same shape."""
+    """The array that a run is written to; the same one again for the same shape."""
     buffer: Array = vars(_own).setdefault("buffer", np.empty((0, 0)))
     if buffer.shape != shape:
         buffer = _own.buffer = np.empty(shape)

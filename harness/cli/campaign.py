@@ -12,8 +12,8 @@ from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.campaigns.fly import Flown
     from harness.campaigns.plan import Plan
+    from harness.campaigns.run import Summary
 
 
 def campaign(
@@ -64,8 +64,8 @@ def campaign(
     from harness.trials import read_trial
 
     with required_extra("campaign"):
-        from harness.campaigns.fly import cluster, run
         from harness.campaigns.planfile import parse_assignments, parse_numbers, read_plan
+        from harness.campaigns.run import cluster, run
 
     options: dict[str, Any] = {}
     for key, text in (("trials", trials), ("fidelities", fidelities), ("outputs", outputs)):
@@ -89,16 +89,16 @@ def campaign(
     results.prepare(out)
     folder = fmu_folder(plan.fidelities, fmus)
     with cluster(scheduler, workers or os.cpu_count() or 1) as client:
-        flown = _with_progress(run, plan, client, fmus=folder, out=out)
-    _tell(flown, plan, out)
-    if flown.failures:
+        summary = _with_progress(run, plan, client, fmus=folder, out=out)
+    _print(summary, out)
+    if summary.failures:
         sys.exit(1)
 
 
-def _with_progress(run: Any, plan: "Plan", client: Any, *, fmus: Path, out: Path) -> "Flown":
+def _with_progress(run: Any, plan: "Plan", client: Any, *, fmus: Path, out: Path) -> "Summary":
     with progress() as shown:
         task = shown.add_task("cases", total=None)
-        flown: Flown = run(
+        summary: Summary = run(
             plan,
             client,
             fmus=fmus,
@@ -106,20 +106,21 @@ def _with_progress(run: Any, plan: "Plan", client: Any, *, fmus: Path, out: Path
             on_start=lambda total, done: shown.update(task, total=total, completed=done),
             on_cases=lambda cases: shown.advance(task, cases),
         )
-        return flown
+        return summary
 
 
-def _tell(flown: "Flown", plan: "Plan", out: Path) -> None:
-    for case, reason in flown.failures[:10]:
+def _print(summary: "Summary", out: Path) -> None:
+    for case, reason in summary.failures[:10]:
         typer.echo(f"case {case} failed: {reason}")
-    if len(flown.failures) > 10:
-        typer.echo(f"... and {len(flown.failures) - 10} more; see the variable 'failure'")
-    if flown.cases:
-        share = flown.fmu_seconds / (flown.wall * flown.threads)
+    if len(summary.failures) > 10:
+        typer.echo(f"... and {len(summary.failures) - 10} more; see the variable 'failure'")
+    if summary.cases:
+        share = summary.fmu_seconds / (summary.wall * summary.threads)
         typer.echo(
-            f"{flown.cases} cases in {flown.wall:.2f} s on {flown.threads} threads, {flown.before} were done before; "
-            f"{1e3 * flown.fmu_seconds / flown.cases:.2f} ms a case in the FMU, {100.0 * share:.0f} % of all time"
+            f"{summary.cases} cases in {summary.wall:.2f} s on {summary.threads} threads, "
+            f"{summary.before} were done before; "
+            f"{1e3 * summary.fmu_seconds / summary.cases:.2f} ms a case in the FMU, {100.0 * share:.0f} % of all time"
         )
     else:
-        typer.echo(f"all {flown.before} cases were done before")
+        typer.echo(f"all {summary.before} cases were done before")
     typer.echo(f"dataset: {out / 'campaign.zarr'} (xarray.open_zarr)   features: {out / 'features.parquet'}")

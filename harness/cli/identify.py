@@ -11,6 +11,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor
 from harness.cli.terminal import show
 from harness.errors import HarnessError
+from harness.faults import ESTIMATED, THRESHOLD, parse_limits
 
 if TYPE_CHECKING:
     from harness.identification.diagnosis import Diagnosis
@@ -18,10 +19,10 @@ if TYPE_CHECKING:
 
 def identify(
     measured: Annotated[Path, typer.Argument(metavar="MEASURED.csv", help="A measured run.")],
-    monitor: Monitor = "ELF+",
+    model: Monitor = "ELF+",
     settings: Settings = None,
     limits: Limits = None,
-    threshold: Threshold = 0.05,
+    threshold: Threshold = THRESHOLD,
     tolerance: Annotated[
         float, typer.Option(metavar="PART", help="Of a channel's range, that may be left unexplained.")
     ] = 0.003,
@@ -34,16 +35,14 @@ def identify(
     Columns: time, command, position, motor_speed, and equivalent_current_filtered or phase_current_a, _b, _c; optionally
     load_torque and supply_voltage; SI units, 500 rows a second or more. Exit code 1 if the run cannot be explained.
     """
-    import json
-
     from harness.files import results
-    from harness.identification import diagnosis as diagnosing
-    from harness.identification.faults import FAULTS, parse_limits
+    from harness.identification import diagnosis
     from harness.identification.measured import read_measured
     from harness.identification.page import page
 
-    model, parameters = chosen_monitor(monitor, settings, estimated={fault.port for fault in FAULTS.values()})
-    ends = parse_limits(limits or [])
+    estimated = {parameter.port for parameter in ESTIMATED.values()}
+    fidelity, parameters = chosen_monitor(model, settings, estimated=estimated)
+    health_limits = parse_limits(limits or [])
     if not 0.0 <= threshold < 1.0:
         raise HarnessError(f"--threshold {threshold:g}: 0 up to less than 1 is needed")
     if not tolerance > 0.0:
@@ -52,20 +51,20 @@ def identify(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmu_folder(diagnosing.flown_for(model), fmus)
-    found = diagnosing.identify(
+    folder = fmu_folder(diagnosis.models_for(fidelity), fmus)
+    found = diagnosis.identify(
         run,
         fmus=folder,
-        monitor=model,
+        fidelity=fidelity,
         parameters=parameters,
-        limits=ends,
+        limits=health_limits,
         threshold=threshold,
         tolerance=tolerance,
     )
     target = out / f"{measured.stem}_identified.html"
     results.write(target, page(found, run, shlex.join(["ema", *sys.argv[1:]])))
     if json_file:
-        results.write(json_file, json.dumps(found.as_dict(), indent=1, allow_nan=False) + "\n")
+        results.write_json(json_file, found.as_dict())
     _print(found)
     typer.echo(f"page: {target}")
     if found.complaints:
@@ -76,7 +75,7 @@ def _print(found: "Diagnosis") -> None:
     from harness.identification.page import HEADS, rows
 
     if not found.complaints:
-        caption = f"{found.name}, {found.monitor}: {found.evaluations} runs of FMUs in {found.seconds:.1f} s"
+        caption = f"{found.name}, {found.fidelity}: {found.evaluations} runs of FMUs in {found.seconds:.1f} s"
         show(caption, HEADS, rows(found), words=("",))
     for line in (found.verdict, *found.remarks):
         typer.echo(line)

@@ -10,6 +10,7 @@ import typer
 from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor, required_extra
 from harness.cli.terminal import progress, show
+from harness.faults import ESTIMATED, THRESHOLD, parse_limits
 
 if TYPE_CHECKING:
     from harness.prognosis.outlook import Outlook
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 
 def monitor(
     runs: Annotated[Path, typer.Argument(metavar="RUNS", help="A folder of measured runs, or a CSV list: date,file.")],
-    fidelity: Monitor = "ELF+",
+    model: Monitor = "ELF+",
     settings: Settings = None,
     limits: Limits = None,
-    threshold: Threshold = 0.05,
+    threshold: Threshold = THRESHOLD,
     workers: Annotated[int, typer.Option(metavar="N", help="Processes; 0: one a core.")] = 0,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the outlook as JSON.")] = None,
@@ -30,50 +31,48 @@ def monitor(
 
     Files are as for ema identify. Exit code 1 if a run had to be left out.
     """
-    import json
-
     from harness.files import results
-    from harness.identification.diagnosis import flown_for
-    from harness.identification.faults import FAULTS, parse_limits
+    from harness.identification.diagnosis import models_for
     from harness.prognosis.history import identify_all, read_flights
 
     with required_extra("prognosis"):
         from harness.prognosis.outlook import outlook
         from harness.prognosis.page import page
 
-    model, parameters = chosen_monitor(fidelity, settings, estimated={fault.port for fault in FAULTS.values()})
-    ends = parse_limits(limits or [])
+    estimated = {parameter.port for parameter in ESTIMATED.values()}
+    fidelity, parameters = chosen_monitor(model, settings, estimated=estimated)
+    health_limits = parse_limits(limits or [])
     flights, unit = read_flights(runs)
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmu_folder(flown_for(model), fmus)
+    folder = fmu_folder(models_for(fidelity), fmus)
     with progress() as shown:
         task = shown.add_task("identifying", total=len(flights))
         history = identify_all(
             flights,
             fmus=folder,
-            monitor=model,
+            fidelity=fidelity,
             parameters=parameters,
-            limits=ends,
+            limits=health_limits,
             threshold=threshold,
             workers=workers,
             on_flight=lambda: shown.advance(task),
         )
-    seen = outlook(history, ends, unit)
-    results.write(out / "monitor.html", page(seen, history, shlex.join(["ema", *sys.argv[1:]])))
+    found = outlook(history, health_limits, unit)
+    results.write(out / "monitor.html", page(found, history, shlex.join(["ema", *sys.argv[1:]])))
     if json_file:
-        results.write(json_file, json.dumps(seen.as_dict(), indent=1, allow_nan=False) + "\n")
-    _print(seen)
+        results.write_json(json_file, found.as_dict())
+    _print(found)
     typer.echo(f"page: {out / 'monitor.html'}")
-    if seen.problems:
+    if found.problems:
         sys.exit(1)
 
 
-def _print(seen: "Outlook") -> None:
+def _print(found: "Outlook") -> None:
     from harness.prognosis.page import HEADS, rows
 
-    show(f"{seen.runs} runs; times in {seen.unit}", HEADS, rows(seen), words=(HEADS[-1],))
-    for line in seen.problems:
+    show(f"{found.runs} runs; times in {found.unit}", HEADS, rows(found), words=(HEADS[-1],))
+    for line in found.problems:
         typer.echo(f"left out: {line}")
-    typer.echo(seen.verdict)
+    typer.echo(found.verdict)

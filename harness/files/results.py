@@ -46,6 +46,11 @@ def write(path: Path, content: str | bytes) -> None:
             Path(file.name).unlink(missing_ok=True)
 
 
+def write_json(path: Path, content: object) -> None:
+    """Write `content` to `path` as JSON, as `write` does."""
+    write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
 def trajectory_csv(run: xr.Dataset) -> str:
     """A run as CSV: time, command and every output, in SI units, 9 significant digits."""
     columns = [run.time.values, *(run[name].values.astype(float) for name in run.data_vars)]

@@ -1,4 +1,4 @@
-"""What was found, and how far to trust it: the covariance of a fit."""
+"""The fit of a measured run: the best coordinates, and how far to trust them."""
 
 from dataclasses import dataclass, field
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from harness.identification.measured import Measured, noise_of
-from harness.identification.model import Monitor
-from harness.identification.search import NOWHERE, Problem, explain, mapped, smooth_rms
+from harness.identification.model import Model
+from harness.identification.search import ORIGIN, Problem, explain, map_space, rms_beside_noise
 
 Array = NDArray[np.float64]
 
@@ -20,12 +20,13 @@ FULL_RANK = 1e-3
 
 @dataclass(frozen=True)
 class Fit:
-    """What was found.
+    """The best fit.
 
-    `z` scaled coordinates, shape (8,); `covariance` (8, 8) of z; `quantile` of the 95 % intervals; `predicted` and
-    `healthy` (n, n_channels) in the channels' units; `noise` and `unexplained` (n_channels,): the white noise of each
-    channel and the rms of what is left beside it, in the channel's unit; `gap` (n_channels,) as `unexplained`, between the
-    reference and the model, zeros if the reference itself was fitted.
+    `z`: scaled coordinates, shape (n_coordinates,), in the order of COORDINATES; `covariance` of z, shape (n_coordinates,
+    n_coordinates); `quantile`: half width of the 95 % intervals in standard deviations. `predicted` and `healthy`: the
+    channels with the faults found and without any, shape (n_rows, n_channels), in their units. `noise` and `unexplained`,
+    shape (n_channels,), in the channels' units: white noise, and rms of what is left beside it. `gap`: as `unexplained`, of
+    the judge's difference from the model; zeros if the judge itself was fitted.
     """
 
     z: Array
@@ -38,43 +39,45 @@ class Fit:
     gap: Array
 
 
-def fit(model: Monitor, measured: Measured, reference: Monitor, *, corrected: bool = False) -> Fit:
-    """The faults with which `model` explains the run best; if `corrected`, those of `reference`, by way of the model.
+def fit(model: Model, measured: Measured, judge: Model, *, corrected: bool = False) -> Fit:
+    """The faults with which `model` explains the run best; if `corrected`, those with which `judge` does, through `model`.
 
-    Else `reference`, a better model flown once with the faults found, says how far the model's own simplifications may have
-    moved them: the covariance grows by that much.
+    If not, the judge, a better model, is flown once with the faults found: its difference from the model says how far the
+    model's simplifications may have moved them, and the covariance grows by as much.
     """
     problem = Problem(model, measured)
-    best, doubt = explain(problem)
+    best, sigma = explain(problem)
     if corrected:
-        best, doubt = mapped(problem, reference, best.x)
-    shown = reference if corrected else model
-    predicted, healthy = shown.predict(best.x), shown.predict(NOWHERE)
-    rest = predicted - measured.values
-    gap = np.zeros(rest.shape) if corrected else reference.predict(best.x) - predicted
+        best, sigma = map_space(problem, judge, best.x)
+    fitted = judge if corrected else model
+    predicted, healthy = fitted.predict(best.x), fitted.predict(ORIGIN)
+    difference = predicted - measured.values
+    gap = np.zeros(difference.shape) if corrected else judge.predict(best.x) - predicted
 
-    weighed = best.jac[: -len(NOWHERE)].reshape(len(problem.noise), -1, len(NOWHERE))
+    informative, n = measured.informative, len(ORIGIN)
+    jacobian = best.jac[:-n].reshape(len(problem.noise), -1, n)  # without the rows of the pull towards healthy
     inverse = np.linalg.inv(best.jac.T @ best.jac)
-    blocks = _block_sums(np.einsum("cnk,cn->nk", weighed, (rest / problem.noise)[measured.carries].T), measured)
-    freedom = len(blocks) - len(NOWHERE)
+    scores = np.einsum("cnk,cn->nk", jacobian, (difference / problem.noise)[informative].T)
+    blocks = _block_sums(scores, measured)
+    freedom = len(blocks) - n
     robust = len(blocks) / max(freedom, 1) * inverse @ blocks.T @ blocks @ inverse
-    shift = inverse @ np.einsum("cnk,cn->k", weighed, (gap / problem.noise)[measured.carries].T)
-    covariance = _larger(robust, inverse) + FULL_RANK * inverse + np.diag(doubt**2 + shift**2)
+    shift = inverse @ np.einsum("cnk,cn->k", jacobian, (gap / problem.noise)[informative].T)
+    covariance = _larger(robust, inverse) + FULL_RANK * inverse + np.diag(sigma**2 + shift**2)
     return Fit(
         z=best.x,
         covariance=covariance,
         quantile=float(student.ppf(0.975, max(freedom, 4))),
         predicted=predicted,
         healthy=healthy,
-        noise=np.array([noise_of(series) for series in rest.T]),
-        unexplained=smooth_rms(rest, measured),
-        gap=smooth_rms(gap, measured),
+        noise=np.array([noise_of(series) for series in difference.T]),
+        unexplained=rms_beside_noise(difference, measured),
+        gap=rms_beside_noise(gap, measured),
     )
 
 
 def _block_sums(scores: Array, measured: Measured) -> Array:
-    """Scores summed over blocks of BLOCK seconds: errors within one may hang together as they will."""
-    block = ((measured.time[measured.carries] - measured.time[0]) / BLOCK).astype(int)
+    """Scores (n_informative, n_coordinates) summed over blocks of BLOCK seconds: within one, errors may be correlated."""
+    block = ((measured.time[measured.informative] - measured.time[0]) / BLOCK).astype(int)
     used, places = np.unique(block, return_inverse=True)
     sums = np.zeros((len(used), scores.shape[1]))
     np.add.at(sums, places, scores)
@@ -82,6 +85,6 @@ def _block_sums(scores: Array, measured: Measured) -> Array:
 
 
 def _larger(one: Array, other: Array) -> Array:
-    """Of two covariances that in which each variance is the larger: `one`, scaled up where `other` is wider."""
+    """The covariance `one`, scaled up in those coordinates in which `other` has the larger variance."""
     scale = np.sqrt(np.maximum(1.0, np.diag(other) / np.maximum(np.diag(one), 1e-300)))
     return one * np.outer(scale, scale)

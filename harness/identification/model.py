@@ -1,4 +1,4 @@
-"""The monitor model: an FMU that flies what was measured, with faults."""
+"""The model that is fitted to a measured run: an FMU that flies what was commanded, with faults."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 from ema_fmu_src import ports
 from harness.fidelity import Fidelity
 from harness.flight.twin import Twin
-from harness.identification import faults
+from harness.identification import coordinates
 from harness.identification.measured import Measured
 
 Array = NDArray[np.float64]
 
 
-class Monitor:
-    """A fidelity's FMU, flown along a measured run; a context manager. `evaluations` counts the runs."""
+class Model:
+    """A fidelity's FMU, from the folder `fmus`, that predicts a measured run; a context manager.
 
-    def __init__(self, folder: Path, fidelity: Fidelity, measured: Measured, parameters: Mapping[str, float]) -> None:
-        self.fidelity = fidelity
+    `parameters`: those set for this actuator, by port name. `evaluations` counts the runs of the FMU. HarnessError as from
+    Twin.
+    """
+
+    def __init__(self, fmus: Path, fidelity: Fidelity, measured: Measured, parameters: Mapping[str, float]) -> None:
         self.evaluations = 0
         self._measured = measured
         self._parameters = {**measured.initial, **parameters, **fidelity.parameters}
@@ -30,8 +33,9 @@ class Monitor:
         trial = measured.trial
         places = (measured.time - trial.start) / trial.step
         whole = np.rint(places).astype(int)
-        self._rows = whole if np.allclose(places, whole, atol=1e-3) and whole[-1] < len(trial.time) else None
-        self._twin = Twin(folder / fidelity.fmu)
+        on_grid = np.allclose(places, whole, atol=1e-3) and whole[-1] < len(trial.time)
+        self._rows = whole if on_grid else None  # None: the measured times lie between the communication points
+        self._twin = Twin(fmus / fidelity.fmu)
 
     def __enter__(self) -> Self:
         return self
@@ -40,10 +44,13 @@ class Monitor:
         self._twin.close()
 
     def predict(self, z: Array) -> Array:
-        """The measured channels as this model has them with the faults `z` (scaled), shape (n, n_channels)."""
+        """The measured channels with the faults `z`, in the channels' units, shape (n_rows, n_channels).
+
+        `z`: scaled coordinates, shape (n_coordinates,).
+        """
         self.evaluations += 1
         trial = self._measured.trial
-        values, _ = self._twin.record(trial, self._parameters | faults.to_parameters(z), self._outputs)
+        values, _ = self._twin.record(trial, self._parameters | coordinates.to_parameters(z), self._outputs)
         if self._rows is not None:
             return np.ascontiguousarray(values[self._rows][:, self._columns])
         return np.column_stack([np.interp(self._measured.time, trial.time, values[:, column]) for column in self._columns])

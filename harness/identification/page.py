@@ -4,14 +4,17 @@ import html
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from harness.identification.diagnosis import Diagnosis, Estimate, unit_of
+from ema_fmu_src import ports
+from harness.identification.diagnosis import Diagnosis
+from harness.identification.estimates import Estimate
 from harness.identification.measured import Measured
 from harness.show.page import LAYOUT, document, drawn, origin, table
 
 MOST_POINTS = 2501
-"""Points drawn of each curve; more cannot be told apart and make the page heavy."""
+"""Most points drawn of each curve; more cannot be seen and make the page heavy."""
 COLOURS = {"measured": "#888888", "healthy": "#16935b", "identified": "#1f6fd6"}
 HEADS = ("Fault", "Estimate", "95 % interval", "Health", "")
 
@@ -23,13 +26,13 @@ def page(diagnosis: Diagnosis, measured: Measured, command: str) -> str:
     if diagnosis.complaints:
         notes += "<p>The estimates below are what comes nearest; they explain the run badly and mean nothing.</p>"
     health = "" if diagnosis.health is None else f" Health of the worst fault: {diagnosis.health:.2f}."
-    spoken = f"Measured, healthy and identified curves of {', '.join(measured.channels)} over time, with residuals."
+    description = f"Measured, healthy and identified curves of {', '.join(measured.channels)} over time, with residuals."
     return document(
         f"EMA twins: {diagnosis.name} identified",
-        f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.monitor)}</h1>"
+        f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.fidelity)}</h1>"
         f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{notes}'
         f"{table(_caption(diagnosis), HEADS, rows(diagnosis))}"
-        f"<section><h2>Measured and identified</h2>{drawn(figure(diagnosis, measured), spoken)}</section>"
+        f"<section><h2>Measured and identified</h2>{drawn(figure(diagnosis, measured), description)}</section>"
         f"{origin(command)}",
     )
 
@@ -39,7 +42,7 @@ def _caption(diagnosis: Diagnosis) -> str:
 
 
 def rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """A row of texts for each fault, under HEADS."""
+    """A row of texts for each estimate, under HEADS."""
     return [_row(item) for item in diagnosis.estimates]
 
 
@@ -53,7 +56,7 @@ def _row(item: Estimate) -> tuple[str, ...]:
 
 
 def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
-    """Each channel with the residuals of the healthy and the identified model under it; what carries no weight is shaded."""
+    """Each channel with the residuals of the healthy and the identified model under it; rows without weight are shaded."""
     names = list(measured.channels)
     heights = [0.68, 0.32] * len(names)
     drawing = make_subplots(
@@ -67,14 +70,15 @@ def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
     time = np.round(measured.time[::stride], 6).tolist()
     for place, name in enumerate(names):
         data, row = measured.values[:, place], 2 * place + 1
+        unit = ports.VARIABLES[ports.INDEX[name]].unit
         models = {"healthy": diagnosis.fit.healthy[:, place], "identified": diagnosis.fit.predicted[:, place]}
         for label, values in {"measured": data, **models}.items():
             drawing.add_trace(_curve(label, time, values[::stride], legend=place == 0), row=row, col=1)
         for label, values in models.items():
             drawing.add_trace(_curve(label, time, (data - values)[::stride], legend=False), row=row + 1, col=1)
-        drawing.update_yaxes(title_text=f"{name}<br>[{unit_of(name)}]", title_font_size=11, row=row, col=1)
+        drawing.update_yaxes(title_text=f"{name}<br>[{unit}]", title_font_size=11, row=row, col=1)
         drawing.update_yaxes(title_text="residual", title_font_size=11, row=row + 1, col=1)
-    edges = np.flatnonzero(np.diff(np.r_[False, ~measured.carries, False].astype(int))).reshape(-1, 2)
+    edges = np.flatnonzero(np.diff(np.r_[False, ~measured.informative, False].astype(int))).reshape(-1, 2)
     shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below", "line": {"width": 0}}
     spans = [(float(measured.time[first]), float(measured.time[last - 1])) for first, last in edges]
     drawing.update_layout(shapes=[shade | {"x0": x0, "x1": x1, "fillcolor": "rgba(128,128,128,.16)"} for x0, x1 in spans])
@@ -83,7 +87,7 @@ def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
     return drawing
 
 
-def _curve(name: str, time: list[float], values: "np.ndarray", *, legend: bool) -> go.Scatter:
+def _curve(name: str, time: list[float], values: NDArray[np.float64], *, legend: bool) -> go.Scatter:
     return go.Scatter(
         x=time,
         y=[float(f"{value:.6g}") for value in values],

@@ -1,8 +1,9 @@
 """The growth of a fault, and when it reaches its limit: a progpy model, filter and predictor.
 
-The fault's value drifts at a rate that itself wanders: level' = rate, rate' = white noise of density q (a local linear
-trend; ours). progpy's Kalman filter follows it, each run weighted by its interval; q is the most likely of a grid. progpy's
-Monte Carlo predictor flies samples of level and rate forward: the event is the limit, the event state the health index.
+The fault's value drifts at a rate that itself does a random walk: level' = rate, rate' = white noise of density q (a local
+linear trend; ours). progpy's Kalman filter follows it, each run weighted by its interval; q is the most likely of a grid.
+progpy's Monte Carlo predictor carries samples of level and rate forward. The event is the limit, the event state the health
+index.
 """
 
 import math
@@ -16,34 +17,37 @@ from progpy.predictors import MonteCarlo
 from progpy.state_estimators import KalmanFilter
 from progpy.uncertain_data import MultivariateNormalDist
 
-from harness.identification.faults import Fault
+from harness.faults import Fault
 
 Array = NDArray[np.float64]
 
 EVENT = "limit"
 SAMPLES, STEPS = 400, 200
-"""Of the Monte Carlo prediction: samples, and steps to the horizon."""
-FAR, BEYOND = 10.0, 4.0
-"""Horizon of the prediction: at most so many lengths of the history, or times what is left at the rate of now."""
-FEWEST = 3
+"""Samples of the Monte Carlo prediction, and its steps to the horizon."""
+MOST_HISTORIES, MOST_LIVES = 10.0, 4.0
+"""Horizon of the prediction: the lesser of so many lengths of the history, and of so many times the remaining life at the
+present rate."""
+FEWEST_RUNS = 3
 """Runs that a trend needs."""
-SURE, SOME = 3.0, 0.01
-"""A fault is said to grow if its rate is above zero by as many standard deviations (seven faults are looked at), and if it
-has changed by this part of the way from healthy to its limit."""
-LIKELIER = 1.92
-"""Gain of log-likelihood from which the rate is said to wander: the 95 % quantile of chi-squared, halved."""
+SIGNIFICANT, LEAST_GROWTH = 3.0, 0.01
+"""A fault is said to grow if its rate towards the limit is above zero by so many standard deviations (as several faults are
+tested), and if it has gone this part of the way from healthy to its limit over the history."""
+LIKELIHOOD_GAIN = 1.92
+"""Gain in log-likelihood from which the rate is taken to change: half the 95 % quantile of chi-squared, one degree of
+freedom."""
 SEED = 20230612
 
 
 @dataclass(frozen=True)
 class Trend:
-    """How a fault has grown and will.
+    """How a fault has grown, and how it is predicted to grow. Times are in the unit of the history, from its first run.
 
-    `at`, `values`, `sigmas`: the runs that identify it, in the history's unit and the fault's; `level`, `rate` and their
-    `covariance` (2, 2) at the last run; `scatter`: what the runs spread more than their intervals say. `health`: the event
-    state at the last run. `times_of_event`: of each sample that reaches the limit within `horizon` after the last run, in
-    the history's unit; `reached`: the part that does. `forecast`: times, and 5, 50, 95 % of the predicted value. Nothing is
-    predicted of a fault that does not grow.
+    `at`, `values`, `sigmas`, shape (n_runs,): time, estimate and standard deviation of the runs that identify the fault.
+    `level`, `rate` and their `covariance` (2, 2): at the last run. `scatter`: standard deviation of the runs beyond what
+    their intervals say. `health`: the event state at the last run. `times_of_event`: of each sample that reaches the limit
+    within `horizon` after the last run; `reached`: the part of the samples that does. `forecast`: times, shape (n_times,),
+    and 5, 50, 95 % quantiles of the predicted value, shape (3, n_times). Nothing is predicted for a fault that does not
+    grow.
     """
 
     fault: Fault
@@ -63,11 +67,11 @@ class Trend:
 
     @property
     def grows(self) -> bool:
-        """Whether the fault is surely on its way to the limit."""
+        """Whether the fault moves towards its limit significantly."""
         return _grows(self.fault, self.limit, self.rate, self.covariance, float(self.at[-1] - self.at[0]))
 
     def life(self, *parts: float) -> list[float | None]:
-        """Quantiles of the remaining useful life; None where that many samples do not reach the limit."""
+        """Quantiles `parts` of the remaining useful life; None where too few samples reach the limit."""
         now, count = float(self.at[-1]), round(len(self.times_of_event) / self.reached) if self.reached else 0
         ordered = np.sort(self.times_of_event) - now
         places = [math.ceil(part * count) - 1 for part in parts]
@@ -75,7 +79,7 @@ class Trend:
 
 
 class Growth(LinearModel):
-    """progpy's linear model of a fault: states level and rate, output level, event `limit` with the health as its state."""
+    """progpy's linear model of a fault: states level and rate, output level, event `limit`, whose state is the health."""
 
     inputs: list[str] = []  # noqa: RUF012 - progpy's declaration
     states = ["level", "rate"]  # noqa: RUF012
@@ -87,7 +91,7 @@ class Growth(LinearModel):
     default_parameters = {"healthy": 0.0, "limit": 1.0, "x0": {"level": 0.0, "rate": 0.0}}  # noqa: RUF012
 
     def event_state(self, x: Any) -> dict[str, float]:
-        """1 healthy, 0 at the limit, on the way towards it."""
+        """Health on the way from healthy to the limit: 1 healthy, 0 at the limit, not bounded."""
         healthy, limit = self.parameters["healthy"], self.parameters["limit"]
         return {EVENT: 1.0 - (float(x["level"]) - healthy) / (limit - healthy)}
 
@@ -96,36 +100,52 @@ class Growth(LinearModel):
 
 
 def follow(fault: Fault, limit: float, at: Array, values: Array, sigmas: Array) -> Trend:
-    """The trend of a fault from `values` with standard deviations `sigmas` at the times `at`, FEWEST or more, rising."""
+    """The trend of a fault towards `limit` from `values` with standard deviations `sigmas` at the times `at`.
+
+    Shape (n_runs,) each, n_runs FEWEST_RUNS or more; the times increase.
+    """
     span = abs(limit - fault.healthy)
     floor = 1e-4 * span  # no identification is better
     sigmas = np.maximum(sigmas, floor)
     scatter = _scatter(at, values, sigmas)
-    lasts = float(at[-1] - at[0])
-    densities = [0.0, *(span / lasts * np.geomspace(1e-3, 1.0, 7) / math.sqrt(lasts))]
-    steady, *wandering = (_filtered(fault, limit, at, values, np.hypot(sigmas, scatter), q) for q in densities)
-    best = max(wandering, key=lambda found: found[0])
-    _, q, state = best if best[0] > steady[0] + LIKELIER else steady
-    mean, covariance = np.array([state.mean["level"], state.mean["rate"]], dtype=float), np.array(state.cov, dtype=float)
-    left, rate = limit - float(mean[0]), float(mean[1])
-    horizon = min(FAR * lasts, BEYOND * left / rate) if left * rate > 0.0 else FAR * lasts
+    duration = float(at[-1] - at[0])
+    densities = [0.0, *(span / duration * np.geomspace(1e-3, 1.0, 7) / math.sqrt(duration))]
+    constant, *changing = (_filtered(fault, limit, at, values, np.hypot(sigmas, scatter), q) for q in densities)
+    best = max(changing, key=lambda found: found[0])
+    _, q, state = best if best[0] > constant[0] + LIKELIHOOD_GAIN else constant
+    level, rate, covariance = float(state.mean["level"]), float(state.mean["rate"]), np.array(state.cov, dtype=float)
+    horizon, remaining = MOST_HISTORIES * duration, limit - level
+    if remaining * rate > 0.0:
+        horizon = min(horizon, MOST_LIVES * remaining / rate)
     times, reached, forecast = np.empty(0), 0.0, (np.empty(0), np.empty((3, 0)))
-    if _grows(fault, limit, rate, covariance, lasts):
+    if _grows(fault, limit, rate, covariance, duration):
         times, reached, forecast = _predict(fault, limit, state, q, float(at[-1]), horizon)
-    health = fault.health(float(mean[0]), limit)
     return Trend(
-        fault, limit, at, values, sigmas, float(mean[0]), float(mean[1]), covariance, scatter, health, horizon, times,
-        reached, forecast,
-    )  # fmt: skip
+        fault=fault,
+        limit=limit,
+        at=at,
+        values=values,
+        sigmas=sigmas,
+        level=level,
+        rate=rate,
+        covariance=covariance,
+        scatter=scatter,
+        health=fault.health(level, limit),
+        horizon=horizon,
+        times_of_event=times,
+        reached=reached,
+        forecast=forecast,
+    )
 
 
-def _grows(fault: Fault, limit: float, rate: float, covariance: Array, lasts: float) -> bool:
+def _grows(fault: Fault, limit: float, rate: float, covariance: Array, duration: float) -> bool:
     towards = rate / (limit - fault.healthy)
-    return towards * abs(limit - fault.healthy) > SURE * math.sqrt(covariance[1, 1]) and towards * lasts > SOME
+    significant = towards * abs(limit - fault.healthy) > SIGNIFICANT * math.sqrt(covariance[1, 1])
+    return significant and towards * duration > LEAST_GROWTH
 
 
 def _scatter(at: Array, values: Array, sigmas: Array) -> float:
-    """What neighbouring runs differ more than their standard deviations say: from second differences, robust."""
+    """Standard deviation of the runs beyond `sigmas`, from the second differences of neighbours; robust against outliers."""
     if len(at) < 5:
         return 0.0
     before, after = at[1:-1] - at[:-2], at[2:] - at[1:-1]
@@ -142,7 +162,7 @@ def _model(fault: Fault, limit: float, **parameters: Any) -> Growth:
 
 
 def _filtered(fault: Fault, limit: float, at: Array, values: Array, sigmas: Array, q: float) -> tuple[float, float, Any]:
-    """Log-likelihood of the density q, q, and the state after the last run."""
+    """Log-likelihood of the density `q`, q itself, and the filtered state at the last run."""
     fastest = 3.0 * abs(limit - fault.healthy) / float(at[-1] - at[0])
     first = MultivariateNormalDist(
         ["level", "rate"], [float(values[0]), 0.0], np.diag([float(sigmas[0]) ** 2, fastest**2]).tolist()

@@ -1,4 +1,4 @@
-"""A sequence of measured runs, and the faults identified in each."""
+"""A series of measured runs, and the faults identified in each."""
 
 import csv
 import re
@@ -9,7 +9,8 @@ from pathlib import Path
 
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
-from harness.identification.diagnosis import Estimate, identify
+from harness.identification.diagnosis import identify
+from harness.identification.estimates import Estimate
 from harness.identification.measured import read_measured
 from harness.parallel import processes
 
@@ -18,7 +19,7 @@ DATE = re.compile(r"(?<!\d)\d{4}-\d{2}-\d{2}(?!\d)")
 
 @dataclass(frozen=True)
 class Flight:
-    """One measured run: its file, the label under which it is shown, and when it was flown, in the history's unit."""
+    """A measured run: its file, the label under which it is shown, and when it was flown, in the unit of the series."""
 
     path: Path
     label: str
@@ -26,8 +27,8 @@ class Flight:
 
 
 @dataclass(frozen=True)
-class Identified:
-    """A flight's estimates by fault; or why there are none."""
+class IdentifiedFlight:
+    """A flight's estimates by short name, or the problem for which there are none."""
 
     flight: Flight
     estimates: dict[str, Estimate]
@@ -35,10 +36,10 @@ class Identified:
 
 
 def read_flights(source: Path) -> tuple[list[Flight], str]:
-    """Flights in their order, and the unit of their times: "days", or "flights" where no dates are known.
+    """Flights in their order, and the unit of their times: "days", or "flights" if no dates are known.
 
-    `source`: a folder of CSV files (by names; dates are taken from names like 2026-03-01.csv if all have one), or a CSV
-    list with columns date (YYYY-MM-DD) and file (relative to the list). HarnessError if there are no flights in it.
+    `source`: a folder of CSV files, sorted by name, or by date if every name holds one as in 2026-03-01.csv; or a CSV list
+    with columns date (YYYY-MM-DD) and file (relative to the list). HarnessError if it holds no flights.
     """
     if source.is_dir():
         paths = sorted(source.rglob("*.csv"))
@@ -80,7 +81,7 @@ def _date(text: str, where: str) -> date:
 
 
 def _dated(listed: list[tuple[date, Path, str]]) -> list[Flight]:
-    """Flights by their dates; those of one day share it, in their order."""
+    """Flights by date; those of one day are spread evenly over it, in their order."""
     listed = sorted(listed, key=lambda entry: entry[0])
     first = listed[0][0]
     on_day = [sum(other[0] == entry[0] for other in listed) for entry in listed]
@@ -96,17 +97,21 @@ def identify_all(
     flights: list[Flight],
     *,
     fmus: Path,
-    monitor: Fidelity,
+    fidelity: Fidelity,
     parameters: Mapping[str, float],
     limits: Mapping[str, float],
     threshold: float,
     workers: int,
     on_flight: Callable[[], object] = lambda: None,
-) -> list[Identified]:
-    """Identify every flight, in `workers` processes (0: one a core); one that cannot be used says why and stops nothing."""
+) -> list[IdentifiedFlight]:
+    """Identify every flight with the model `fidelity`, in `workers` processes (0: one a core).
+
+    The other options are those of `identify`; `on_flight` is called after each flight. A flight that cannot be used stops
+    nothing; HarnessError if none can.
+    """
     with processes(workers) as pool:
         waiting = [
-            pool.submit(_identify, flight, fmus, monitor, dict(parameters), dict(limits), threshold) for flight in flights
+            pool.submit(_identify, flight, fmus, fidelity, dict(parameters), dict(limits), threshold) for flight in flights
         ]
         found = []
         for future in waiting:
@@ -120,16 +125,16 @@ def identify_all(
 def _identify(
     flight: Flight,
     fmus: Path,
-    monitor: Fidelity,
+    fidelity: Fidelity,
     parameters: dict[str, float],
     limits: dict[str, float],
     threshold: float,
-) -> Identified:
+) -> IdentifiedFlight:
     try:
         run = read_measured(flight.path, parameters)
-        diagnosis = identify(run, fmus=fmus, monitor=monitor, parameters=parameters, limits=limits, threshold=threshold)
+        diagnosis = identify(run, fmus=fmus, fidelity=fidelity, parameters=parameters, limits=limits, threshold=threshold)
     except HarnessError as error:
-        return Identified(flight, {}, str(error))
+        return IdentifiedFlight(flight, {}, str(error))
     if diagnosis.complaints:
-        return Identified(flight, {}, f"{flight.path}: {diagnosis.verdict}")
-    return Identified(flight, {item.fault: item for item in diagnosis.estimates}, "")
+        return IdentifiedFlight(flight, {}, f"{flight.path}: {diagnosis.verdict}")
+    return IdentifiedFlight(flight, {item.fault: item for item in diagnosis.estimates}, "")

@@ -1,4 +1,4 @@
-"""What a history of runs says about the actuator's future, for a person and as JSON."""
+"""What a series of flights says about the future of an actuator: trends, and a verdict; in words and as JSON."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,17 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.identification.faults import FAULTS, Fault
-from harness.prognosis.growth import FEWEST, Trend, follow
-from harness.prognosis.history import Identified
+from harness.faults import FAULTS
+from harness.prognosis.growth import FEWEST_RUNS, Trend, follow
+from harness.prognosis.history import IdentifiedFlight
 
 LIFE = (0.05, 0.5, 0.95)
-"""Quantiles of the remaining useful life that are told."""
+"""Quantiles of the remaining useful life that are reported."""
 
 
 @dataclass(frozen=True)
 class Outlook:
-    """The trends by fault, of those that enough runs identify; `unit` of time; `problems` of runs that were left out."""
+    """The trends by short name, of those faults that enough runs identify.
+
+    `unit` of time; `runs`: number of all flights; `problems`: a line for each flight that was left out.
+    """
 
     trends: dict[str, Trend]
     unit: str
@@ -31,40 +34,33 @@ class Outlook:
             "runs": self.runs,
             "problems": self.problems,
             "verdict": self.verdict,
-            "faults": {name: _told(trend) for name, trend in self.trends.items()},
+            "faults": {name: _as_dict(trend) for name, trend in self.trends.items()},
         }
 
 
-def outlook(history: Sequence[Identified], limits: Mapping[str, float], unit: str) -> Outlook:
-    """Follow every fault that at least FEWEST runs identify; HarnessError if there is none."""
+def outlook(history: Sequence[IdentifiedFlight], limits: Mapping[str, float], unit: str) -> Outlook:
+    """The trend of every fault that at least FEWEST_RUNS flights identify; HarnessError if there is none.
+
+    `limits` by short name, where not those of the faults; `unit` of time.
+    """
     trends: dict[str, Trend] = {}
     for name, fault in FAULTS.items():
-        if fault.limit is None:
-            continue
         known = [(item.flight.at, item.estimates[name]) for item in history if not item.problem]
         known = [(at, estimate) for at, estimate in known if estimate.identifiable]
-        if len(known) < FEWEST:
+        if len(known) < FEWEST_RUNS:
             continue
         at = np.array([when for when, _ in known])
         values = np.array([estimate.value for _, estimate in known])
         sigmas = np.array([0.25 * (estimate.high - estimate.low) for _, estimate in known])
-        trends[name] = follow(fault, _limit(fault, limits, float(values[-1])), at, values, sigmas)
+        limit = limits.get(name, fault.limit_towards(float(values[-1])))
+        trends[name] = follow(fault, limit, at, values, sigmas)
     if not trends:
         used = sum(not item.problem for item in history)
-        raise HarnessError(f"no fault is identifiable in {FEWEST} of the {used} runs that can be used; more runs are needed")
+        raise HarnessError(
+            f"no fault is identifiable in {FEWEST_RUNS} of the {used} runs that can be used; more runs are needed"
+        )
     problems = [item.problem for item in history if item.problem]
     return Outlook(trends, unit, len(history), problems, _verdict(trends, unit))
-
-
-def _limit(fault: Fault, limits: Mapping[str, float], value: float) -> float:
-    """The limit on the side to which the fault goes: a gain may grow or shrink."""
-    assert fault.limit is not None
-    if fault.name in limits:
-        return limits[fault.name]
-    distance = abs(fault.limit - fault.healthy)
-    if fault.name == "gain":
-        return fault.healthy + (distance if value > fault.healthy else -distance)
-    return fault.limit
 
 
 def _verdict(trends: Mapping[str, Trend], unit: str) -> str:
@@ -74,11 +70,11 @@ def _verdict(trends: Mapping[str, Trend], unit: str) -> str:
     lives = {name: trend.life(0.5)[0] for name, trend in growing.items()}
     name = min(growing, key=lambda fault: (lives[fault] is None, lives[fault] or 0.0))
     others = f"; growing too: {', '.join(other for other in growing if other != name)}" if len(growing) > 1 else ""
-    return f"{name} reaches its limit of {growing[name].limit:g} {life_of(growing[name], unit)}{others}"
+    return f"{name} reaches its limit of {growing[name].limit:g} {life_in_words(growing[name], unit)}{others}"
 
 
-def life_of(trend: Trend, unit: str) -> str:
-    """The remaining useful life in words: median and 90 % interval."""
+def life_in_words(trend: Trend, unit: str) -> str:
+    """The remaining useful life: median and 90 % interval."""
     if trend.health <= 0.0:
         return "now: the limit is reached"
     low, median, high = trend.life(*LIFE)
@@ -88,7 +84,7 @@ def life_of(trend: Trend, unit: str) -> str:
     return f"in {median:.3g} {unit} (90 %: {low:.3g} to {end})"
 
 
-def _told(trend: Trend) -> dict[str, object]:
+def _as_dict(trend: Trend) -> dict[str, object]:
     low, median, high = trend.life(*LIFE)
     return {
         "event": f"{trend.fault.name} limit",

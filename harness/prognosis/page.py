@@ -1,4 +1,4 @@
-"""The page of a history: each fault over time with its intervals, its trend, its limit, and when it is reached."""
+"""The page of a series of flights: each fault over time with its intervals, trend and limit, and when it is reached."""
 
 import html
 import math
@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from harness.prognosis.growth import Trend
-from harness.prognosis.history import Identified
-from harness.prognosis.outlook import Outlook, life_of
+from harness.prognosis.history import IdentifiedFlight
+from harness.prognosis.outlook import Outlook, life_in_words
 from harness.show.page import LAYOUT, document, drawn, origin, table
 
 HEADS = ("Fault", "Now", "Limit", "Event state (health)", "Rate", "Remaining useful life")
@@ -25,21 +25,22 @@ def rows(outlook: Outlook) -> list[tuple[str, ...]]:
             f"{trend.limit:g}",
             f"{trend.health:.2f}",
             f"{trend.rate:.3g} ± {math.sqrt(trend.covariance[1, 1]):.2g} / {outlook.unit.removesuffix('s')}",
-            life_of(trend, outlook.unit) if trend.grows or trend.health <= 0.0 else "does not grow",
+            life_in_words(trend, outlook.unit) if trend.grows or trend.health <= 0.0 else "does not grow",
         )
         for name, trend in outlook.trends.items()
     ]
 
 
-def page(outlook: Outlook, history: Sequence[Identified], command: str) -> str:
+def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str) -> str:
     """The page as HTML text; `command` is the command line that makes it again."""
     growing = [trend for trend in outlook.trends.values() if trend.grows]
     kind = "over" if any(trend.health <= 0.0 for trend in outlook.trends.values()) else "near" if growing else "ok"
     problems = "".join(f"<li>{html.escape(line)}</li>" for line in outlook.problems)
     left_out = f"<h2>Runs left out</h2><ul>{problems}</ul>" if problems else ""
-    when = "How often the samples of the prediction reach the limit, over time, for each fault that grows."
-    events = f"<section><h2>Time of the event</h2>{drawn(times_of_event(outlook), when, 'low')}</section>" if growing else ""
-    spoken = "Each fault's estimates over time with their intervals, the trend, its forecast and its limit."
+    frequency = "How often the samples of the prediction reach the limit, over time, for each fault that grows."
+    histogram = drawn(times_of_event(outlook), frequency, "low") if growing else ""
+    events = f"<section><h2>Time of the event</h2>{histogram}</section>" if growing else ""
+    description = "Each fault's estimates over time with their intervals, the trend, its forecast and its limit."
     first, last = history[0].flight.label, history[-1].flight.label
     return document(
         "EMA twins: faults over time",
@@ -47,7 +48,7 @@ def page(outlook: Outlook, history: Sequence[Identified], command: str) -> str:
         f"<p>{outlook.runs} runs, {html.escape(first)} to {html.escape(last)}; times in {outlook.unit} from the first. "
         "The event is a fault at its limit; the event state is the health index, 1 healthy and 0 at the limit.</p>"
         f"{table('Faults now, and the time of the event', HEADS, rows(outlook))}"
-        f"<section><h2>History and prediction</h2>{drawn(figure(outlook), spoken)}</section>"
+        f"<section><h2>History and prediction</h2>{drawn(figure(outlook), description)}</section>"
         f"{events}{left_out}{origin(command)}",
     )
 
@@ -61,20 +62,20 @@ def figure(outlook: Outlook) -> go.Figure:
         grid, (low, middle, high) = trend.forecast
         if trend.grows:
             band = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip"}
-            drawing.add_scatter(x=_few(grid), y=_few(high), showlegend=False, **band, row=row, col=1)
+            drawing.add_scatter(x=_rounded(grid), y=_rounded(high), showlegend=False, **band, row=row, col=1)
             drawing.add_scatter(
-                x=_few(grid), y=_few(low), fill="tonexty", fillcolor="rgba(31,111,214,.2)", name="90 % of the forecast",
-                legendgroup="band", showlegend=first, **band, row=row, col=1,
+                x=_rounded(grid), y=_rounded(low), fill="tonexty", fillcolor="rgba(31,111,214,.2)",
+                name="90 % of the forecast", legendgroup="band", showlegend=first, **band, row=row, col=1,
             )  # fmt: skip
             line = {"color": "#1f6fd6", "width": 1.6}
             drawing.add_scatter(
-                x=_few(grid), y=_few(middle), mode="lines", line=line, name="forecast", legendgroup="forecast",
+                x=_rounded(grid), y=_rounded(middle), mode="lines", line=line, name="forecast", legendgroup="forecast",
                 showlegend=first, row=row, col=1,
             )  # fmt: skip
         drawing.add_scatter(
-            x=_few(trend.at), y=_few(trend.values), mode="markers", name="identified", legendgroup="identified",
+            x=_rounded(trend.at), y=_rounded(trend.values), mode="markers", name="identified", legendgroup="identified",
             showlegend=first, marker={"color": "#888888", "size": 6},
-            error_y={"array": _few(2.0 * trend.sigmas), "thickness": 1}, row=row, col=1,
+            error_y={"array": _rounded(2.0 * trend.sigmas), "thickness": 1}, row=row, col=1,
         )  # fmt: skip
         drawing.add_hline(y=trend.limit, line={"color": "#d6321f", "dash": "dash", "width": 1.2}, row=row, col=1)
         drawing.update_yaxes(title_text=trend.fault.name, row=row, col=1)
@@ -89,7 +90,9 @@ def times_of_event(outlook: Outlook) -> go.Figure:
     drawing = go.Figure()
     for name, trend in outlook.trends.items():
         if trend.grows and trend.reached:
-            drawing.add_histogram(x=_few(trend.times_of_event), name=name, opacity=0.6, nbinsx=40, histnorm="probability")
+            drawing.add_histogram(
+                x=_rounded(trend.times_of_event), name=name, opacity=0.6, nbinsx=40, histnorm="probability"
+            )
     drawing.update_layout(**LAYOUT, barmode="overlay", showlegend=True)
     drawing.update_xaxes(title_text=f"Time of the event [{outlook.unit} from the first run]")
     drawing.update_yaxes(title_text="part of the samples")
@@ -97,11 +100,11 @@ def times_of_event(outlook: Outlook) -> go.Figure:
 
 
 def _end(trend: Trend) -> float:
-    """Where the picture ends: where most samples have reached the limit, or the history and half as much."""
+    """End of the time axis: when three quarters of the samples have reached the limit, or half the history later."""
     life = trend.life(0.75)[0] if trend.grows else None
     lasts = float(trend.at[-1] - trend.at[0])
     return float(trend.at[-1]) + max(0.5 * lasts, min(life or 0.0, 4.0 * lasts))
 
 
-def _few(series: np.ndarray) -> list[float]:
+def _rounded(series: np.ndarray) -> list[float]:
     return [float(f"{value:.6g}") for value in series]

@@ -16,6 +16,7 @@ from werkzeug.serving import make_server
 from ema_fmu_src import ports
 from harness.comparison import FIGURES, compare, percent
 from harness.errors import HarnessError
+from harness.faults import ESTIMATED
 from harness.fidelity import FIDELITIES
 from harness.files import results
 from harness.flight.twin import Twin
@@ -23,17 +24,8 @@ from harness.show.page import LAYOUT
 from harness.show.report import COLOURS
 from harness.trials import BUILT_IN, trial
 
-SLIDERS: dict[str, tuple[float, float, float]] = {
-    "fault.friction": (0.0, 5.0, 0.1),
-    "fault.backlash": (0.0, 100.0, 1.0),
-    "fault.N_a": (0.3, 1.0, 0.01),
-    "fault.N_b": (0.3, 1.0, 0.01),
-    "fault.N_c": (0.3, 1.0, 0.01),
-    "fault.zeta": (0.0, 0.3, 0.01),
-    "fault.phi": (-3.1, 3.1, 0.1),
-    "fault.gain": (0.1, 2.0, 0.05),
-}
-"""Lowest and highest value, and step, of each fault's slider."""
+SLIDERS = {parameter.port: parameter.slider for parameter in ESTIMATED.values()}
+"""Port of each fault -> lowest and highest value, and step, of its slider."""
 STRIDE = 10
 """Every so many points are drawn."""
 

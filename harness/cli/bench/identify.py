@@ -12,7 +12,8 @@ from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.bench.identify import Evolved, Identified
+    from harness.bench.evolution import Evolved
+    from harness.bench.identify import IdentifiedCase
     from harness.bench.page import Table
 
 
@@ -27,12 +28,12 @@ def identify(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench_identify.html.")] = None,
     fmus: FmuDir = None,
 ) -> None:
-    """Put `ema identify` to the test: HF as the plant with known faults and noise, ELF+ and LF as monitors."""
-    import json
+    """Put `ema identify` to the test: HF as the plant with known faults and noise, ELF+ and LF as models."""
     import shlex
     import sys
 
-    from harness.bench import identify as benching
+    from harness.bench import identify as bench
+    from harness.bench import summary
     from harness.fidelity import FIDELITIES
     from harness.files import results
     from harness.show.page import document, origin
@@ -50,7 +51,7 @@ def identify(
     folder = fmu_folder(FIDELITIES.values(), fmus)
     with progress() as shown:
         task = shown.add_task("identifying", total=cases + healthy + evolution)
-        found, others = benching.run(
+        found, others = bench.run(
             folder,
             count=cases,
             healthy=healthy,
@@ -60,13 +61,13 @@ def identify(
             workers=workers,
             on_case=lambda: shown.advance(task),
         )
-    listed = benching.checks(found, others)
-    tables = [*(_fault_table(found, monitor) for monitor in benching.MONITORS), _case_table(found), _evolution_table(others)]
+    listed = summary.checks(found, others)
+    tables = [*(_fault_table(found, name) for name in bench.TESTED), _case_table(found), _evolution_table(others)]
     tables = [table for table in (*tables, check_table(listed)) if table[2]]
     for table in tables:
         show(table)
     if json_file:
-        results.write(json_file, json.dumps(benching.as_dict(found, others, listed), indent=1) + "\n")
+        results.write_json(json_file, summary.as_dict(found, others, listed))
     if out:
         body = "<h1>Identification, measured</h1>" + "".join(as_html(*table) for table in tables)
         command = shlex.join(["ema", *sys.argv[1:]])
@@ -74,47 +75,47 @@ def identify(
         typer.echo(f"page: {out / 'bench_identify.html'}")
 
 
-def _fault_table(found: "list[Identified]", monitor: str) -> "Table":
+def _fault_table(found: "list[IdentifiedCase]", fidelity: str) -> "Table":
     import numpy as np
 
-    from harness.bench.identify import by_scope, told
-    from harness.identification.faults import FAULTS
+    from harness.bench.summary import identifiable_errors, outcomes_by_scope
+    from harness.faults import ESTIMATED
 
     rows: list[tuple[str, ...]] = []
-    for fault in FAULTS:
-        for scope, outcomes in by_scope(found, monitor, fault).items():
-            errors, covered = told(outcomes)
+    for fault in ESTIMATED:
+        for scope, outcomes in outcomes_by_scope(found, fidelity, fault).items():
+            errors, covered = identifiable_errors(outcomes)
             figures = ["-"] * 4
             if errors:
                 figures = [f"{figure:.3f}" for figure in (np.median(errors), np.percentile(errors, 95), max(errors))]
                 figures.append(f"{covered:.0f} %")
             alarms = [sum(out.missed for out in outcomes), sum(out.false_alarm for out in outcomes)]
             rows.append((fault, scope, f"{len(errors)} of {len(outcomes)}", *figures, *map(str, alarms)))
-    heads = ("Fault", "runs", "told", "median", "95th", "largest", "covered", "missed", "false")
-    return f"{monitor}: errors in % of each fault's range, where it was told (said to be identifiable)", heads, rows
+    heads = ("Fault", "runs", "identifiable", "median", "95th", "largest", "covered", "missed", "false")
+    return f"{fidelity}: errors in % of each fault's range, where it was said to be identifiable", heads, rows
 
 
-def _case_table(found: "list[Identified]") -> "Table":
+def _case_table(found: "list[IdentifiedCase]") -> "Table":
     import numpy as np
 
-    from harness.bench.identify import MONITORS
+    from harness.bench.identify import TESTED
 
     rows: list[tuple[str, ...]] = []
-    for monitor in MONITORS:
-        mine = [item for item in found if item.monitor == monitor]
-        sound = [item for item in mine if not item.case.truth]
-        seconds, evaluations = [item.seconds for item in mine], [item.evaluations for item in mine]
+    for fidelity in TESTED:
+        own = [item for item in found if item.fidelity == fidelity]
+        sound = [item for item in own if not item.case.truth]
+        seconds, evaluations = [item.seconds for item in own], [item.evaluations for item in own]
         alarmed = sum(any(out.alarm for out in item.outcomes) for item in sound)
         rows.append(
             (
-                monitor,
+                fidelity,
                 f"{np.median(seconds):.2f}, {max(seconds):.2f}",
                 f"{np.median(evaluations):.0f}, {max(evaluations)}",
                 f"{alarmed} of {len(sound)}",
-                f"{sum(not item.explained for item in mine)} of {len(mine)}",
+                f"{sum(not item.explained for item in own)} of {len(own)}",
             )
         )
-    heads = ("Monitor", "s a case: median, most", "evaluations: median, most", "healthy runs alarmed", "not explained")
+    heads = ("Fidelity", "s a case: median, most", "evaluations: median, most", "healthy runs alarmed", "not explained")
     return "A case on one core", heads, rows
 
 

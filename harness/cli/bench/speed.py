@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from harness.bench.peers import Peer
     from harness.bench.speed import Check, Speed
 
-COUNTED = ("ELF+", "LF")
-"""Fidelities whose master's overhead is shown."""
+OVERHEAD_OF = ("ELF+", "LF")
+"""Fidelities for which the overhead of the master is measured."""
 
 
 def speed(
@@ -32,7 +32,6 @@ def speed(
     fmus: FmuDir = None,
 ) -> None:
     """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run."""
-    import json
     import shlex
     import sys
 
@@ -52,16 +51,16 @@ def speed(
             results.prepare_file(path)
     folder = fmu_folder(FIDELITIES.values(), fmus)
     measured = _with_progress(
-        lambda told: timing.measure(folder, names, repeats=repeats, on_run=told), timing.plan(names, repeats)
+        lambda on_run: timing.measure(folder, names, repeats=repeats, on_run=on_run), timing.count_runs(names, repeats)
     )
-    added = [overhead.measure(folder, name) for name in COUNTED]
-    beside = measure_peers() if peers else []
+    added = [overhead.measure(folder, name) for name in OVERHEAD_OF]
+    peer_times = measure_peers() if peers else []
     found = [*timing.checks(measured), *map(_overhead_check, added)]
     tables = [
         _speed_table(measured),
         _changed_table(measured),
         _overhead_table(added),
-        _peer_table(beside),
+        _peer_table(peer_times),
         check_table(found),
     ]
     for table in tables:
@@ -74,10 +73,10 @@ def speed(
             "rows": [vars(row) for row in measured.rows],
             "changed": [dict(zip(("change", "trial", "mode"), key, strict=True)) | e for key, e in measured.changed.items()],
             "overhead": [item.as_dict() for item in added],
-            "peers": [vars(peer) for peer in beside],
+            "peers": [vars(peer) for peer in peer_times],
             "checks": [check.as_dict() for check in found],
         }
-        results.write(json_file, json.dumps(content, indent=1) + "\n")
+        results.write_json(json_file, content)
 
 
 def _with_progress(run: "Callable[[Callable[[str], None]], Speed]", total: int) -> "Speed":
@@ -97,13 +96,13 @@ def _overhead_check(added: "Overhead") -> "Check":
 
 
 def _speed_table(speed: "Speed") -> "Table":
-    from harness.bench.speed import PAPERS, VARIABLES
+    from harness.bench.speed import PAPER_TIMES, VARIABLES
 
     rows = []
     for row in speed.rows:
         errors = [_percent(row.errors[name]) if row.errors else "reference" for name in VARIABLES]
         ratio = speed.row(row.trial, "HF").wall / row.wall
-        rows.append((row.trial, row.mode, f"{1e3 * row.wall:.3f}", f"{ratio:.3g}", *errors, PAPERS.get(row.mode, "")))
+        rows.append((row.trial, row.mode, f"{1e3 * row.wall:.3f}", f"{ratio:.3g}", *errors, PAPER_TIMES.get(row.mode, "")))
     heads = ("Trial", "Fidelity", "ms / s", "HF / this", "position", "motor_speed", "current, filtered", "paper, a run")
     return "Wall time per simulated second, and errors (NRMSE) against HF at a fixed 1e-7 s", heads, rows
 

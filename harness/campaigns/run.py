@@ -1,4 +1,4 @@
-"""A campaign on Dask: batches in flight, a bounded number of them, written as they come."""
+"""A campaign on Dask: a bounded number of batches at work at a time, each written as soon as it is done."""
 
 import contextlib
 import logging
@@ -21,25 +21,28 @@ from ema_fmu_src import __version__
 from harness.campaigns.features import names as feature_names
 from harness.campaigns.plan import Plan
 from harness.campaigns.store import Store
-from harness.campaigns.worker import Batch, Result, Shared, SharedByWorkers, fly, release
+from harness.campaigns.worker import Batch, Result, Shared, SharedByWorkers, fly_batch, software_version
 from harness.errors import HarnessError
 from harness.flight import fmufile
 
-AHEAD = 2
-"""Batches in flight for each thread: one at work, one waiting; so memory does not grow with the number of cases."""
-KEEP_MEMORY = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")} | {
+BATCHES_PER_THREAD = 2
+"""Submitted at a time: one at work, one waiting. So memory does not grow with the number of cases."""
+WORKER_ENVIRONMENT = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")} | {
     "MALLOC_TRIM_THRESHOLD_": str(2**28),
     "MALLOC_MMAP_THRESHOLD_": str(2**25),
 }
-"""Of this machine's workers. Dask's default gives freed memory back at once, which costs a tenth of a run of ELF+."""
-PATIENCE = 30.0
-"""Seconds until a cluster without workers is given up."""
+"""Of the workers on this machine: one thread each. By Dask's default, freed memory goes back to the system at once, which
+costs a tenth of a run of ELF+."""
+WORKER_TIMEOUT = 30.0
+"""Time [s] after which a cluster without workers is given up."""
 
 
 @dataclass(frozen=True)
-class Flown:
-    """What was done: cases flown now and found done; number and reason of those that failed; `wall` seconds from the first
-    batch to the last write, `fmu_seconds` inside the FMUs, `threads` of the workers."""
+class Summary:
+    """What a campaign has done: number of cases flown now, and of those done before; number and reason of each failure.
+
+    `wall`: seconds from the first batch to the last write; `fmu_seconds`: spent inside the FMUs by all `threads`.
+    """
 
     cases: int
     before: int
@@ -51,11 +54,14 @@ class Flown:
 
 @contextlib.contextmanager
 def cluster(scheduler: str | None, workers: int) -> Iterator[Client]:
-    """A client of the Dask scheduler at an address, or of `workers` processes of one thread on this machine."""
+    """A client of the Dask scheduler at an address, or of `workers` processes of one thread on this machine.
+
+    HarnessError if no scheduler answers.
+    """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     if scheduler:
         try:
-            client = Client(scheduler, timeout=PATIENCE / 3.0, set_as_default=False)
+            client = Client(scheduler, timeout=WORKER_TIMEOUT / 3.0, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise HarnessError(f"--scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
         with client:
@@ -64,10 +70,10 @@ def cluster(scheduler: str | None, workers: int) -> Iterator[Client]:
     settings = {
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",  # 20 ms in four processes cost a hundredth of the cores
-        "distributed.nanny.pre-spawn-environ": KEEP_MEMORY,
+        "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
     }
     with dask.config.set(settings), tempfile.TemporaryDirectory(prefix="ema_dask_") as folder:
-        with _deaf_children():
+        with _children_ignore_interrupts():
             local = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -81,8 +87,8 @@ def cluster(scheduler: str | None, workers: int) -> Iterator[Client]:
 
 
 @contextlib.contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Processes that begin inside do not hear Ctrl-C: it is this process that ends them, without tracebacks of theirs."""
+def _children_ignore_interrupts() -> Iterator[None]:
+    """Processes that begin inside ignore Ctrl-C: this process ends them, so that they print no tracebacks."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -101,11 +107,11 @@ def run(
     out: Path,
     on_start: Callable[[int, int], None] = lambda total, done: None,
     on_cases: Callable[[int], None] = lambda cases: None,
-) -> Flown:
-    """Fly what is still to be flown of `plan` into the folder `out`; FMUs from the folder `fmus`.
+) -> Summary:
+    """Fly those cases of `plan` that are not yet done, into the folder `out`, with the FMUs in the folder `fmus`.
 
-    `on_start(cases, done)` is called once, `on_cases(cases)` after each batch. HarnessError if the folder holds another
-    campaign, or if the cluster has no workers.
+    `on_start(cases, done)` is called once, `on_cases(cases)` after each batch. HarnessError if `out` holds another campaign,
+    or if the cluster has no workers.
     """
     contents = {name: (fmus / name).read_bytes() for name in sorted({fidelity.fmu for fidelity in plan.fidelities})}
     hashes = {name: fmufile.content_hash(fmus / name) for name in contents}
@@ -114,10 +120,10 @@ def run(
     open_cases = sum(len(cases) for cases in waiting)
     on_start(len(store.table), len(store.table) - open_cases)
     try:
-        client.wait_for_workers(1, timeout=PATIENCE)
+        client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
     except TimeoutError:
         raise HarnessError(
-            f"the Dask cluster has no workers after {PATIENCE:g} s; start some, or leave out --scheduler"
+            f"the Dask cluster has no workers after {WORKER_TIMEOUT:g} s; start some, or leave out --scheduler"
         ) from None
     shared = Shared(
         store.digest,
@@ -131,22 +137,25 @@ def run(
     )
     threads = sum(client.nthreads().values())
     if not waiting:
-        return Flown(0, len(store.table), store.finish(), 0.0, 0.0, threads)
+        return Summary(0, len(store.table), store.finish(), 0.0, 0.0, threads)
     with _sent(client, shared):
-        wall, fmu_seconds = _fly(client, plan, store, waiting, AHEAD * threads, on_cases)
-    return Flown(open_cases, len(store.table) - open_cases, store.finish(), wall, fmu_seconds, threads)
+        wall, fmu_seconds = _fly(client, plan, store, waiting, BATCHES_PER_THREAD * threads, on_cases)
+    return Summary(open_cases, len(store.table) - open_cases, store.finish(), wall, fmu_seconds, threads)
 
 
 @contextlib.contextmanager
 def _sent(client: Client, shared: Shared) -> Iterator[None]:
-    """Every worker, also one that comes later, holds what all cases share, and is the release that runs here."""
+    """Inside, every worker, also one that joins later, holds what all cases share.
+
+    HarnessError if one of them has another release of this software.
+    """
     plugin = SharedByWorkers(shared)
     try:
         client.register_plugin(plugin)
-        releases = client.run(release)
+        versions = client.run(software_version)
     except ImportError as error:
         raise HarnessError(f"the workers need ema-twins {__version__}, as here: {error}") from None
-    for address, found in releases.items():
+    for address, found in versions.items():
         if found != __version__:
             raise HarnessError(f"worker {address} has ema-twins {found}, here it is {__version__}; they have to be the same")
     try:
@@ -157,31 +166,31 @@ def _sent(client: Client, shared: Shared) -> Iterator[None]:
 
 
 def _fly(
-    client: Client, plan: Plan, store: Store, waiting: list[range], ahead: int, on_cases: Callable[[int], None]
+    client: Client, plan: Plan, store: Store, waiting: list[range], at_once: int, on_cases: Callable[[int], None]
 ) -> tuple[float, float]:
-    """Fly the batches `waiting`, `ahead` of them in flight; wall seconds, and those inside the FMUs."""
-    begun, fmu_seconds = time.perf_counter(), 0.0
-    flying: dict[Future, range] = {}
+    """Fly the batches `waiting`, `at_once` of them at a time; wall seconds, and seconds inside the FMUs."""
+    started, fmu_seconds = time.perf_counter(), 0.0
+    submitted: dict[Future, range] = {}
     queue = iter(waiting)
     finished = as_completed(loop=client.loop)
 
     def submit() -> None:
         cases = next(queue, None)
         if cases is not None:
-            future = client.submit(fly, _batch(store, cases), pure=False, retries=2)
-            flying[future] = cases
+            future = client.submit(fly_batch, _batch(store, cases), pure=False, retries=2)
+            submitted[future] = cases
             finished.add(future)
 
-    for _ in range(ahead):
+    for _ in range(at_once):
         submit()
     for future in finished:
-        cases = flying.pop(future)
+        cases = submitted.pop(future)
         result = _result(client, future, plan, store, cases)
         submit()
         store.write(cases, result)
         fmu_seconds += result.fmu_seconds
         on_cases(len(cases))
-    return time.perf_counter() - begun, fmu_seconds
+    return time.perf_counter() - started, fmu_seconds
 
 
 def _batch(store: Store, cases: range) -> Batch:
@@ -197,7 +206,7 @@ def _batch(store: Store, cases: range) -> Batch:
 
 
 def _result(client: Client, future: Future, plan: Plan, store: Store, cases: range) -> Result:
-    """A batch's result; if it has ended its workers again and again, each case alone, so that one costs no other."""
+    """The result of a batch. If it has killed its workers repeatedly, each case is flown alone: only the bad ones fail."""
     try:
         result: Result = future.result()
         return result
@@ -213,7 +222,7 @@ def _result(client: Client, future: Future, plan: Plan, store: Store, cases: ran
     for case in cases:
         alone = _batch(store, range(case, case + 1))
         try:
-            parts.append(client.submit(fly, alone, pure=False).result())
+            parts.append(client.submit(fly_batch, alone, pure=False).result())
         except KilledWorker:
             blank = np.full((1, len(plan.outputs), len(plan.time)), np.nan, dtype=np.float32)
             width = len(feature_names(plan.outputs))
