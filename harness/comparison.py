@@ -21,9 +21,9 @@ TUBE = 0.01
 class Comparison:
     """One variable of one trial.
 
-    `nrmse`: rms of the difference over the reference's range (None where the reference is constant and the candidate is
-    not); `max_abs` [unit] the largest absolute difference and `t_max_abs` [s] when; `outside` the fraction of points
-    further from the reference than the tube.
+    `nrmse`: rms of the difference over the reference's range (None where the reference is constant and the candidate
+    differs); `max_abs` [unit]: the largest absolute difference, at the time `t_max_abs` [s]; `outside`: the fraction of
+    points outside the tube around the reference.
     """
 
     trial: str
@@ -40,11 +40,11 @@ class Comparison:
 def compare(
     candidate: xr.Dataset, reference: xr.Dataset, *, names: tuple[str, str], tube: float = TUBE, absolute: float = 0.0
 ) -> list[Comparison]:
-    """Compare every output of `candidate` with `reference`, on the reference's times within both runs.
+    """Compare every output of `candidate` with that of `reference`, at the reference's times that lie within both runs.
 
     `names` are those of candidate and reference. A candidate on other times is interpolated linearly. The tube's half
-    width is `tube` times the reference's range, plus `absolute` in the variable's unit. HarnessError if the runs share
-    no time, or if either holds a value that is not finite.
+    width is `tube` times the reference's range, plus `absolute` in the variable's unit. HarnessError if the runs have no
+    time in common, or if either holds a value that is not finite.
     """
     start = max(float(candidate.time[0]), float(reference.time[0]))
     stop = min(float(candidate.time[-1]), float(reference.time[-1]))
@@ -84,7 +84,7 @@ def compare(
 
 
 def percent(item: Comparison | None) -> str:
-    """An NRMSE as text for a table."""
+    """An NRMSE as text for a table; "reference" where there is no comparison."""
     if item is None:
         return "reference"
     return "-" if item.nrmse is None else f"{100.0 * item.nrmse:.4f} %"

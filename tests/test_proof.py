@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.fidelity import FIDELITIES
+from ema_fmu_src.fidelities import FIDELITIES
 from harness.flight.experiment import Experiment, fly
 from harness.parameters import parse_settings
 from harness.trials import trial
