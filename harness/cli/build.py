@@ -27,7 +27,7 @@ def build(
         ),
     ] = None,
 ) -> None:
-    """Build the FMUs of these fidelities; one FMU may hold several (EMA_ELF.fmu is ELF and ELF+)."""
+    """Build the FMUs of these fidelities; those that differ only in parameters share one."""
     from harness.fidelity import FMU_DIR, parse_fidelities
 
     models = dict.fromkeys(wanted.model for wanted in parse_fidelities(fidelity))

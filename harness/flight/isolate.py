@@ -14,7 +14,7 @@ from harness.errors import HarnessError
 from harness.trials import Trial
 
 TIME_LIMIT = 60.0
-"""For one run, the FMU's loading included [s]."""
+"""For one run, the FMU's loading included, but not the start of the process [s]."""
 
 
 def _serve(pipe: Connection, path: Path) -> None:
@@ -22,6 +22,7 @@ def _serve(pipe: Connection, path: Path) -> None:
     from harness.flight.twin import Twin
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    pipe.send(None)  # ready: the time limit is for FMUs, not for Python's own start
     twin: Any = None
     while True:
         try:
@@ -75,20 +76,14 @@ class Isolated:
         on_progress: Callable[[int], object] | None = None,
     ) -> xr.Dataset:
         """As `Twin.run`, but the run is never stopped: `on_progress` is called once, at its end."""
-        if self._process is None:
-            context = multiprocessing.get_context("spawn")
-            self._pipe, other = context.Pipe()
-            self._process = context.Process(target=_serve, args=(other, self.path), daemon=True)
-            self._process.start()
-            other.close()
-        assert self._pipe is not None
         try:
-            self._pipe.send((trial, dict(parameters or {})))
-            if not self._pipe.poll(self.time_limit):
+            pipe = self._pipe or self._started()
+            pipe.send((trial, dict(parameters or {})))
+            if not pipe.poll(self.time_limit):
                 problem = f"has not finished within {self.time_limit:g} s"
                 self._process.kill()
             else:
-                answer = self._pipe.recv()
+                answer = pipe.recv()
                 if isinstance(answer, str):
                     raise HarnessError(answer)
                 if on_progress:
@@ -98,6 +93,16 @@ class Isolated:
             problem = self._death()
         self.close()
         raise HarnessError(f"{self.path.name}, trial {trial.name}: {problem}")
+
+    def _started(self) -> Connection:
+        """The pipe to a new process that is ready; EOFError if it has died."""
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(other, self.path), daemon=True)
+        self._process.start()
+        other.close()
+        self._pipe.recv()
+        return self._pipe
 
     def _death(self) -> str:
         self._process.join()
