@@ -8,7 +8,7 @@ from harness.flight.experiment import Experiment, fly
 from harness.parameters import parse_settings
 from harness.trials import trial
 
-ALL = [FIDELITIES[name] for name in ("HF", "ELF", "ELF+", "LF")]
+ALL = list(FIDELITIES.values())
 
 
 @pytest.fixture(scope="module")

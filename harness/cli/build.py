@@ -40,9 +40,7 @@ def build_into(models: "Sequence[str]", folder: Path, *, runtime: str = "native"
     try:
         from ema_fmu_src.fmu import build
         from ema_fmu_src.fmu.native import targets
-    except ImportError as error:
-        raise HarnessError(f"building FMUs needs {error.name}: pip install 'ema-twins[build]'") from None
-    try:
+
         platforms = targets.parse(platform) if platform else None
         return build.build(models, out=folder, runtime=runtime, platforms=platforms)
     except ImportError as error:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ema_fmu_src.fidelities import FIDELITIES
+from ema_fmu_src.fidelities import FIDELITIES, Fidelity
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.fidelity import Fidelity
     from harness.trials import Trial
 
 Settings = Annotated[
@@ -52,7 +51,7 @@ def required_extra(extra: str) -> Iterator[None]:
 
 def chosen_monitor(
     name: str, settings: list[str] | None, *, estimated: Collection[str]
-) -> "tuple[Fidelity, dict[str, float]]":
+) -> tuple[Fidelity, dict[str, float]]:
     """The monitor's fidelity, and the parameters set for it; HarnessError if one of the ports to be `estimated` is set."""
     from harness.fidelity import parse_fidelity
     from harness.parameters import parse_settings

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
+from ema_fmu_src.fidelities import FIDELITIES, REFERENCE, Fidelity
 from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, JsonFile, Settings, TrialFile, chosen_trials
 from harness.cli.terminal import progress, show
 
 if TYPE_CHECKING:
-    from harness.fidelity import Fidelity
     from harness.flight.experiment import Experiment
     from harness.flight.switch import Schedule
     from harness.trials import Trial
@@ -75,8 +74,8 @@ def run(
 
 def _fly(
     trials: "list[Trial]",
-    fidelities: "list[Fidelity]",
-    reference: "Fidelity",
+    fidelities: list[Fidelity],
+    reference: Fidelity,
     schedules: "list[Schedule]",
     folder: Path,
     parameters: dict[str, float],
