@@ -1,8 +1,8 @@
 """The one declaration of every fidelity: the model it is, what makes it that fidelity, how its curves are drawn.
 
 A model has an FMU of its own, EMA_<model>.fmu; a fidelity is a model with some parameters set. File names, orders, titles,
-colours and default lists are made from this module: a further fidelity of a model that is there is one more row of
-`FIDELITIES` and nothing else. Pure data, beside `ports`: no twin is imported, so that a reader of the table compiles nothing.
+colours and default lists are made from this module: a new fidelity of an existing model is one more row of `FIDELITIES`
+and nothing else. Pure data, beside `ports`: no twin is imported, so that whoever reads the table compiles nothing.
 """
 
 from collections.abc import Iterable

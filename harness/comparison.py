@@ -1,5 +1,6 @@
 """How far a candidate's trajectories are from a reference's."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,3 +89,15 @@ def percent(item: Comparison | None) -> str:
     if item is None:
         return "reference"
     return "-" if item.nrmse is None else f"{100.0 * item.nrmse:.4f} %"
+
+
+def summary(runs: Iterable[tuple[str, str, xr.Dataset]], comparisons: Iterable[Comparison]) -> dict[str, object]:
+    """Runs (trial, fidelity, dataset) and their comparisons, as they are written to JSON."""
+    keys = ("trial", "candidate", "reference", "variable", "unit", "nrmse", "max_abs", "t_max_abs")
+    return {
+        "runs": [
+            {"trial": trial, "fidelity": fidelity, "wall_s": run.attrs["wall_s"], "simulated_s": run.attrs["simulated_s"]}
+            for trial, fidelity, run in runs
+        ],
+        "comparisons": [{key: getattr(item, key) for key in keys} for item in comparisons],
+    }

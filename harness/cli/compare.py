@@ -27,7 +27,7 @@ def compare(
 ) -> None:
     """Compare any FMU that has the ports with a reference FMU, variable by variable."""
     from harness.comparison import compare as compare_runs
-    from harness.comparison import percent
+    from harness.comparison import percent, summary
     from harness.files import results
     from harness.flight.interrupt import deferred
     from harness.flight.twin import Twin
@@ -56,7 +56,7 @@ def compare(
         entries = [
             (dataset.attrs["trial"], name, dataset) for pair in pairs for name, dataset in zip(names, pair, strict=True)
         ]
-        results.write_json(json_file, results.summary(entries, comparisons))
+        results.write_json(json_file, summary(entries, comparisons))
     rows = [
         (
             item.trial,

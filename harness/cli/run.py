@@ -42,6 +42,7 @@ def run(
 
     Exit code 1 if an FMU failed in its own process (--isolate). Stopped by Ctrl-C, it writes what has been flown.
     """
+    from harness.comparison import summary
     from harness.fidelity import parse_fidelities, parse_fidelity
     from harness.files import results
     from harness.flight.switch import parse_schedule
@@ -65,7 +66,7 @@ def run(
     _write_page(experiment, parameters, out / "report.html")
     if json_file:
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
-        results.write_json(json_file, results.summary(entries, experiment.comparisons))
+        results.write_json(json_file, summary(entries, experiment.comparisons))
     _print(experiment)
     typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
     if experiment.failures:

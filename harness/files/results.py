@@ -4,7 +4,7 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from harness.comparison import Comparison
 from harness.errors import HarnessError
 
 
@@ -65,15 +64,3 @@ def csv_text(columns: Mapping[str, NDArray[Any]], *, quoted: bool = False) -> st
 def trajectory_csv(run: xr.Dataset) -> str:
     """A run as CSV: time, command and every output, in SI units."""
     return csv_text({"time": run.time.values, **{str(name): run[name].values for name in run.data_vars}})
-
-
-def summary(runs: Iterable[tuple[str, str, xr.Dataset]], comparisons: Iterable[Comparison]) -> dict[str, object]:
-    """Runs (trial, fidelity, dataset) and their comparisons, as they are written to JSON."""
-    keys = ("trial", "candidate", "reference", "variable", "unit", "nrmse", "max_abs", "t_max_abs")
-    return {
-        "runs": [
-            {"trial": trial, "fidelity": fidelity, "wall_s": run.attrs["wall_s"], "simulated_s": run.attrs["simulated_s"]}
-            for trial, fidelity, run in runs
-        ],
-        "comparisons": [{key: getattr(item, key) for key in keys} for item in comparisons],
-    }
