@@ -13,12 +13,11 @@ SIN4 saturates fully, as in the paper.
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .fidelities import MODELS as MODELS
+
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "discrete", "fixed", "tunable"]
 Kind = Literal["Real", "Integer", "Boolean"]
-
-MODELS = ("HF", "ELF", "LF")
-"""One FMU each: EMA_HF.fmu, EMA_ELF.fmu, EMA_LF.fmu."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """How far a candidate's trajectories are from a reference's."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,9 +22,9 @@ TUBE = 0.01
 class Comparison:
     """One variable of one trial.
 
-    `nrmse`: rms of the difference over the reference's range (None where the reference is constant and the candidate is
-    not); `max_abs` [unit] the largest absolute difference and `t_max_abs` [s] when; `outside` the fraction of points
-    further from the reference than the tube.
+    `nrmse`: rms of the difference over the reference's range (None where the reference is constant and the candidate
+    differs); `max_abs` [unit]: the largest absolute difference, at the time `t_max_abs` [s]; `outside`: the fraction of
+    points outside the tube around the reference.
     """
 
     trial: str
@@ -40,11 +41,11 @@ class Comparison:
 def compare(
     candidate: xr.Dataset, reference: xr.Dataset, *, names: tuple[str, str], tube: float = TUBE, absolute: float = 0.0
 ) -> list[Comparison]:
-    """Compare every output of `candidate` with `reference`, on the reference's times within both runs.
+    """Compare every output of `candidate` with that of `reference`, at the reference's times that lie within both runs.
 
     `names` are those of candidate and reference. A candidate on other times is interpolated linearly. The tube's half
-    width is `tube` times the reference's range, plus `absolute` in the variable's unit. HarnessError if the runs share
-    no time, or if either holds a value that is not finite.
+    width is `tube` times the reference's range, plus `absolute` in the variable's unit. HarnessError if the runs have no
+    time in common, or if either holds a value that is not finite.
     """
     start = max(float(candidate.time[0]), float(reference.time[0]))
     stop = min(float(candidate.time[-1]), float(reference.time[-1]))
@@ -84,7 +85,19 @@ def compare(
 
 
 def percent(item: Comparison | None) -> str:
-    """An NRMSE as text for a table."""
+    """An NRMSE as text for a table; "reference" where there is no comparison."""
     if item is None:
         return "reference"
     return "-" if item.nrmse is None else f"{100.0 * item.nrmse:.4f} %"
+
+
+def summary(runs: Iterable[tuple[str, str, xr.Dataset]], comparisons: Iterable[Comparison]) -> dict[str, object]:
+    """Runs (trial, fidelity, dataset) and their comparisons, as they are written to JSON."""
+    keys = ("trial", "candidate", "reference", "variable", "unit", "nrmse", "max_abs", "t_max_abs")
+    return {
+        "runs": [
+            {"trial": trial, "fidelity": fidelity, "wall_s": run.attrs["wall_s"], "simulated_s": run.attrs["simulated_s"]}
+            for trial, fidelity, run in runs
+        ],
+        "comparisons": [{key: getattr(item, key) for key in keys} for item in comparisons],
+    }

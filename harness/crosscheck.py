@@ -1,37 +1,37 @@
-"""Makes the reference results that go with the FMUs: the paper's trial SIN, laid out as the FMI cross-check asks."""
+"""Makes the reference results that come with the FMUs: the paper's trial SIN, laid out as the FMI cross-check asks."""
 
-import io
 from pathlib import Path
 
 import fmpy
 import numpy as np
 
 from ema_fmu_src import ports
+from ema_fmu_src.fidelities import MODELS, fmu_name
 from ema_fmu_src.fmu import crosscheck
 from harness.errors import HarnessError
-from harness.fidelity import FIDELITIES
 from harness.files import results
 from harness.trials import Trial, trial
 
 INPUT_EVERY, OUTPUT_EVERY = 20, 100
-"""Inputs every 2 ms, between which an importer interpolates; results every 10 ms, enough to tell a broken import."""
+"""In communication steps: inputs every 2 ms, between which an importer interpolates; results every 10 ms, enough to show a
+broken import."""
 TOLERANCE = 1e-6
-"""Relative tolerance named in the options file; on one platform our FMUs repeat every digit that is written."""
+"""Relative tolerance in the options file; on one platform our FMUs repeat every digit that is written."""
 
 
 def make(fmus: Path, out: Path) -> list[Path]:
-    """Fly SIN with HF, ELF and LF from the folder `fmus`, write NAME_in.csv, NAME_ref.csv, NAME_ref.opt into `out`.
+    """Fly SIN with each FMU in the folder `fmus`; write NAME_in.csv, NAME_ref.csv, NAME_ref.opt into `out`.
 
-    Flown by `fmpy.simulate_fmu` from the written inputs, so that any importer can do the same. Returns the paths.
+    `fmpy.simulate_fmu` flies from the inputs as written, so that any importer can repeat it. Returns the paths. HarnessError
+    if FMPy cannot fly an FMU, or if `out` cannot be written.
     """
     results.prepare(out)
     flown = trial("SIN")
     written = []
-    for name in ("HF", "ELF", "LF"):
-        fmu = fmus / FIDELITIES[name].fmu
-        stimuli, expected, options = crosscheck.paths(name, out)
+    for model in MODELS:
+        stimuli, expected, options = crosscheck.paths(model, out)
         results.write(stimuli, _inputs(flown))
-        results.write(expected, _fly(fmu, stimuli, flown))
+        results.write(expected, _fly(fmus / fmu_name(model), stimuli, flown))
         results.write(options, _options(flown))
         written += [stimuli, expected, options]
     return written
@@ -41,7 +41,7 @@ def _inputs(flown: Trial) -> str:
     times = flown.time[::INPUT_EVERY]
     held = {port.name: np.full(len(times), port.start) for port in ports.INPUTS}
     inputs = held | {name: values[::INPUT_EVERY] for name, values in flown.inputs.items()}
-    return _csv(["time", *inputs], [times, *inputs.values()])
+    return results.csv_text({"time": times, **inputs}, quoted=True)
 
 
 def _fly(fmu: Path, stimuli: Path, flown: Trial) -> str:
@@ -57,15 +57,7 @@ def _fly(fmu: Path, stimuli: Path, flown: Trial) -> str:
         )
     except Exception as error:  # noqa: BLE001 - FMPy raises plain Exceptions
         raise HarnessError(f"{fmu}: cannot be flown by FMPy: {error}") from None
-    return _csv(["time", *names], [run[name][::OUTPUT_EVERY] for name in ("time", *names)])
-
-
-def _csv(header: list[str], columns: list[np.ndarray]) -> str:
-    buffer = io.StringIO()
-    table = np.column_stack([column.astype(float) for column in columns])
-    quoted = ",".join(f'"{name}"' for name in header)
-    np.savetxt(buffer, table, fmt="%.9g", delimiter=",", header=quoted, comments="")
-    return buffer.getvalue()
+    return results.csv_text({name: run[name][::OUTPUT_EVERY] for name in ("time", *names)}, quoted=True)
 
 
 def _options(flown: Trial) -> str:

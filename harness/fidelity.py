@@ -1,32 +1,16 @@
-"""The four fidelities: which FMU each is, and the parameters that make it so."""
+"""Fidelities as users name them, and where their FMUs are; `ema_fmu_src.fidelities` declares them."""
 
-from dataclasses import dataclass, field
 from pathlib import Path
 
+from ema_fmu_src.fidelities import FIDELITIES, Fidelity
 from harness.errors import HarnessError, unknown
 
-
-@dataclass(frozen=True)
-class Fidelity:
-    """A name in tables, its FMU's file name, and the parameters that select it."""
-
-    name: str
-    fmu: str
-    parameters: dict[str, float] = field(default_factory=dict)
-
-
-FIDELITIES = {
-    "HF": Fidelity("HF", "EMA_HF.fmu"),
-    "ELF": Fidelity("ELF", "EMA_ELF.fmu"),
-    "ELF+": Fidelity("ELF+", "EMA_ELF.fmu", {"driver.coupled_saturation": 1.0}),
-    "LF": Fidelity("LF", "EMA_LF.fmu"),
-}
 FMU_DIR = Path(__file__).resolve().parent.parent / "fmus"
-"""Where `ema build` puts the FMUs and `ema run` looks for them."""
+"""Where `ema build` puts the FMUs and every command looks for them."""
 
 
 def file_stem(name: str) -> str:
-    """The name of a fidelity, or of a plan of several, as part of a file's name."""
+    """The name of a fidelity, or of a schedule of several, as part of a file's name."""
     return name.replace("+", "plus").replace(":", "_").replace("@", "_at_")
 
 
@@ -39,3 +23,11 @@ def parse_fidelities(text: str) -> list[Fidelity]:
         if name not in FIDELITIES:
             raise unknown("fidelity", name, FIDELITIES)
     return [FIDELITIES[name] for name in dict.fromkeys(names)]
+
+
+def parse_fidelity(text: str, option: str) -> Fidelity:
+    """The one fidelity that `text`, given for `option`, names; HarnessError for none, several, or an unknown one."""
+    found = parse_fidelities(text)
+    if len(found) != 1:
+        raise HarnessError(f"{option} {text}: one fidelity is needed, of {', '.join(FIDELITIES)}")
+    return found[0]

@@ -1,4 +1,4 @@
-"""Processes that share out work: one thread of linear algebra each, so that they do not fight for the cores."""
+"""Worker processes, with one thread of linear algebra each, so that they do not compete for the cores."""
 
 import os
 from collections.abc import Iterator
@@ -11,7 +11,10 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 @contextmanager
 def processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of `count` fresh processes, 0 for one a core; if an error leaves the block, what has not begun never does."""
+    """A pool of `count` new processes, 0 for one a core.
+
+    If an error leaves the block, the work that has not begun is cancelled.
+    """
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

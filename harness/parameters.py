@@ -1,14 +1,25 @@
 """Parameters that a user sets: checked against the ports, and merged with those of a fidelity."""
 
+from collections.abc import Mapping
+
 from ema_fmu_src import ports
+from ema_fmu_src.fidelities import Fidelity
 from harness.errors import HarnessError, unknown
+
+
+def merged(fidelity: Fidelity, given: Mapping[str, float] | None = None) -> dict[str, float]:
+    """What the FMU of `fidelity` is set to: `given` (port name -> value in the port's unit), and the fidelity's own.
+
+    The fidelity's own parameters win: with other values it would be another fidelity.
+    """
+    return {**(given or {}), **fidelity.parameters}
 
 
 def parse_settings(settings: list[str]) -> dict[str, float]:
     """Parameters from texts NAME=VALUE, checked against the ports.
 
-    Also takes the inputs load_torque and supply_voltage, which then hold that value unless the trial gives its own.
-    HarnessError for an unknown name, a text that is no number, a value out of range.
+    The inputs load_torque and supply_voltage are accepted too: they hold that value where the trial gives none.
+    HarnessError for an unknown name, a text that is not a number, or a value out of range.
     """
     values: dict[str, float] = {}
     for setting in settings:
@@ -32,7 +43,10 @@ def parse_settings(settings: list[str]) -> dict[str, float]:
 
 
 def settable(name: str, where: str) -> ports.Variable:
-    """The parameter `name`, or the input load_torque or supply_voltage; `where` is what a complaint begins with."""
+    """The parameter `name`, or the input load_torque or supply_voltage.
+
+    HarnessError, beginning with `where`, if there is none or if it cannot be set.
+    """
     known = {v.name: v for v in (*ports.PARAMETERS, *(i for i in ports.INPUTS if i.name != "command"))}
     if name not in known:
         if name in ports.INDEX:
@@ -42,7 +56,7 @@ def settable(name: str, where: str) -> ports.Variable:
 
 
 def check_value(variable: ports.Variable, value: float, where: str) -> None:
-    """HarnessError, beginning with `where`, if the port does not take the value."""
+    """HarnessError, beginning with `where`, if the port does not accept the value."""
     if variable.kind == "Integer" and value != round(value):
         raise HarnessError(f"{where}: {variable.name} is a whole number, {value:g} is not")
     low = -float("inf") if variable.minimum is None else variable.minimum

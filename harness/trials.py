@@ -1,4 +1,4 @@
-"""The trials: what is commanded, and the loads, over time."""
+"""The trials: the command, and the loads, over time."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +17,7 @@ STEP = 1e-4
 DURATION = 2.5
 """Of the built-in trials [s]."""
 MOST_POINTS = 10_000_000
-"""Of a trial from a file: 1000 s; a file that asks for more has its times in another unit, most likely."""
+"""Of a trial from a file, 1000 s; a file that lasts longer most likely has its times in another unit."""
 COLUMNS = ("command", "load_torque", "supply_voltage")
 
 Array = NDArray[np.float64]
@@ -28,8 +28,8 @@ class Trial:
     """Inputs on the communication grid.
 
     `start` [s] and `step` [s] give the times start + n*step; `inputs` holds an array of n_steps + 1 values for each
-    input that the trial sets (rad, N.m, V); `source` says where it comes from. Inputs named in `continuous` have no jumps:
-    an FMU that interpolates lets them ramp from point to point; the others are held.
+    input that the trial sets (rad, N.m, V); `source` says where the trial comes from. Inputs named in `continuous` have no
+    jumps: an FMU that interpolates inputs lets them ramp from point to point; the others are held.
     """
 
     name: str
@@ -81,10 +81,11 @@ BUILT_IN: dict[str, tuple[Callable[[Array], Array], str]] = {
     "LOAD-STEP": (_load_step, "ours: hold 0.05 rad, load torque 0 to 6 N.m at 1 s"),
 }
 PAPER = ("SIN", "SIN4", "STEP-RAMP")
+"""The paper's trials (Table 1)."""
 
 
 def trial(name: str) -> Trial:
-    """The built-in trial `name`; HarnessError with the nearest name if there is none."""
+    """The built-in trial `name`, in upper or lower case; HarnessError with the nearest name if there is none."""
     if name.upper() not in BUILT_IN:
         raise unknown("trial", name, BUILT_IN)
     command, source = BUILT_IN[name.upper()]
@@ -114,7 +115,7 @@ def read_trial(path: Path) -> Trial:
 
 
 def check_ranges(path: Path, table: dict[str, Array]) -> None:
-    """HarnessError if a column that is an input has a value that the FMUs refuse."""
+    """HarnessError if a column that is an input of the FMUs has a value that they refuse."""
     for port in ports.INPUTS:
         low = -math.inf if port.minimum is None else port.minimum
         high = math.inf if port.maximum is None else port.maximum

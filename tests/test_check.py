@@ -158,7 +158,7 @@ def test_a_reference_that_cannot_be_flown_is_exit_code_2(
     "text, told",
     [
         ("", "no budgets"),
-        ("[SIN", "is no TOML"),
+        ("[SIN", "is not TOML"),
         ("[SIM.LF]\nposition = 1", r"\[SIM\]: no such trial"),
         ("[SIN.MF]\nposition = 1", r"\[SIN.MF\]: no such fidelity"),
         ("[SIN.LF]\nangle = 1", r"\[SIN.LF\] angle: no such output"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from harness.comparison import Comparison, compare
+from harness.comparison import Comparison, compare, summary
 from harness.errors import HarnessError
 from harness.files import results
 
@@ -81,9 +81,11 @@ def test_only_common_variables_and_never_the_command() -> None:
     assert [item.variable for item in compare(found, expected, names=NAMES)] == ["position"]
 
 
-def test_json_has_exactly_the_agreed_keys() -> None:
+def test_json_has_exactly_the_agreed_keys(tmp_path: Path) -> None:
     still = np.full_like(TIME, 3.0)
-    written = json.loads(results.as_json([("SIN", "LF", _run(TIME, position=TIME))], [_one(still + 1.0, still)]))
+    written = summary([("SIN", "LF", _run(TIME, position=TIME))], [_one(still + 1.0, still)])
+    results.write_json(tmp_path / "out.json", written)
+    written = json.loads((tmp_path / "out.json").read_text())
     assert written["runs"] == [{"trial": "SIN", "fidelity": "LF", "wall_s": 0.1, "simulated_s": 1.0}]
     (item,) = written["comparisons"]
     assert list(item) == ["trial", "candidate", "reference", "variable", "unit", "nrmse", "max_abs", "t_max_abs"]

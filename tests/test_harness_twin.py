@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ema_fmu_src import ports
+from ema_fmu_src.fidelities import FIDELITIES
 from harness.errors import HarnessError
-from harness.fidelity import FIDELITIES
 from harness.flight.twin import Twin
 from harness.trials import STEP, Trial, trial
 

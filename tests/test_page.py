@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from ema_fmu_src.fidelities import FIDELITIES
 from harness.cli import main
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -56,7 +57,7 @@ def test_it_opens_without_a_complaint_and_draws_every_fidelity(browser: Any, pag
     names = page.evaluate("[...document.querySelectorAll('.js-plotly-plot')].map(g => g.data.map(t => t.name))")
     assert len(names) == 3  # cost, SIN4, STEP-RAMP
     for figure in names[1:]:
-        assert {"command", "HF", "ELF", "ELF+", "LF"} <= set(figure)
+        assert {"command", *FIDELITIES} <= set(figure)
     assert "errors with a budget are within it" in page.inner_text(".verdict")
     shaded = page.evaluate("[...document.querySelectorAll('.js-plotly-plot')].map(g => (g.layout.shapes || []).length)")
     assert shaded[1] > 5 and shaded[2] < shaded[1]  # SIN4 saturates again and again
@@ -97,7 +98,8 @@ def test_a_reader_without_eyes_finds_headings_captions_and_figures(browser: Any,
     assert page.evaluate("document.documentElement.lang") == "en"
     assert page.locator("main h1").count() == 1 and page.locator("main h2").count() >= 4
     assert page.locator("table caption").count() == 1
-    assert page.locator("table th[scope=col]").count() == 6 and page.locator("table th[scope=row]").count() == 8
+    assert page.locator("table th[scope=col]").count() == 6
+    assert page.locator("table th[scope=row]").count() == 2 * len(FIDELITIES)
     labels = page.evaluate("[...document.querySelectorAll('[role=img]')].map(f => f.getAttribute('aria-label'))")
     assert len(labels) == 3 and all(labels) and "ELF+ 0.1" in labels[1]
     page.close()

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from harness.fidelity import FIDELITIES
+from ema_fmu_src.fidelities import FIDELITIES
 from harness.flight.experiment import Experiment, fly
 from harness.parameters import parse_settings
 from harness.trials import trial
 
-ALL = [FIDELITIES[name] for name in ("HF", "ELF", "ELF+", "LF")]
+ALL = list(FIDELITIES.values())
 
 
 @pytest.fixture(scope="module")

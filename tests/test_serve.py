@@ -66,7 +66,7 @@ def test_a_slider_redraws_at_once(page: Any) -> None:
 
 @needs_browser
 def test_hf_on_demand_becomes_the_reference(page: Any) -> None:
-    page.locator("#hf input").check()
+    page.locator("#reference input").check()
     page.wait_for_selector("#errors caption:has-text('against HF')")
     assert "--reference HF" in page.inner_text("#command")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parent.parent
 RUNTIME = (
     "__init__.py",
+    "fidelities.py",
     "ports.py",
     "physics/*.py",
     "twins/*.py",

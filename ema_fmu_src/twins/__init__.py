@@ -21,6 +21,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ..fidelities import FIDELITIES
 from . import elf, hf, lf
 from .layout import SLOPE, STALE, STATUS, TOLERANCE
 
@@ -41,17 +42,17 @@ class Twin:
 TWINS: dict[str, Twin] = {
     "HF": Twin(
         "HF",
-        "High fidelity: switching inverter, hysteresis current control, star-connected three-phase PMSM",
+        FIDELITIES["HF"].title,
         hf.N_STATES,
         hf.initialize,
         hf.advance,
     ),
     "ELF": Twin(
         "ELF",
-        "Enhanced low fidelity: three phases, no switching; with coupled saturation on request (ELF+)",
+        FIDELITIES["ELF"].title,
         elf.N_STATES,
         elf.initialize,
         elf.advance,
     ),
-    "LF": Twin("LF", "Low fidelity: equivalent single phase", lf.N_STATES, lf.initialize, lf.advance),
+    "LF": Twin("LF", FIDELITIES["LF"].title, lf.N_STATES, lf.initialize, lf.advance),
 }

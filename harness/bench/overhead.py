@@ -17,7 +17,7 @@ from numba import cfunc, types
 
 from ema_fmu_src import ports
 from harness.fidelity import FIDELITIES
-from harness.flight import master
+from harness.flight import calls, master
 from harness.flight.twin import Twin
 
 STEPS, STEP = 5000, 1e-4
@@ -61,7 +61,7 @@ class _Nothing:
         pass
 
 
-for _name in master.CALLS:
+for _name in calls.CALLS:
     setattr(_Nothing.dll, _name, (_no_step if _name == "fmi2DoStep" else _no_exchange).ctypes)
 
 
@@ -73,19 +73,19 @@ def measure(fmus: Path, fidelity: str, *, repeats: int = 5) -> Overhead:
     chosen = FIDELITIES[fidelity]
     start: dict[str, Any] = {"command": 0.1, **chosen.parameters}
     with Twin(fmus / chosen.fmu) as twin:
-        command = master.Stimuli(master.References(real=[ports.INDEX["command"]]), np.full((STEPS + 1, 1), 0.1))
-        wanted = master.References(real=[ports.INDEX[name] for name in OUTPUTS])
+        command = master.Stimuli(master.ValueReferences(real=[ports.INDEX["command"]]), np.full((STEPS + 1, 1), 0.1))
+        wanted = master.ValueReferences(real=[ports.INDEX[name] for name in OUTPUTS])
         recorded: list[np.ndarray] = []
 
         def ours() -> float:
             slave = twin.begin(chosen.parameters, {"command": 0.1})
-            outputs, wall = master.run(slave, start=0.0, step=STEP, stimuli=command, wanted=wanted)
-            recorded.append(outputs)
-            return wall / STEPS
+            run = master.run(slave, start=0.0, step=STEP, stimuli=command, wanted=wanted)
+            recorded.append(run.outputs)
+            return run.wall / STEPS
 
         def nothing() -> float:
             slave: Any = _Nothing()
-            return master.run(slave, start=0.0, step=STEP, stimuli=command, wanted=wanted)[1] / STEPS
+            return master.run(slave, start=0.0, step=STEP, stimuli=command, wanted=wanted).wall / STEPS
 
         total, alone = _median(ours, repeats), _median(nothing, repeats)
     folder = fmpy.extract(str(fmus / chosen.fmu))

@@ -6,17 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ema_fmu_src.fidelities import MODELS, Fidelity, fmu_name
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from harness.fidelity import Fidelity
+    from collections.abc import Iterable, Sequence
 
 
 def build(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the FMUs.")] = None,
-    fidelity: Annotated[str, typer.Option(metavar="LIST", help="Fidelities, by commas.")] = "HF,ELF,LF",
+    fidelity: Annotated[str, typer.Option(metavar="LIST", help="Fidelities, by commas.")] = ",".join(MODELS),
     runtime: Annotated[
         str, typer.Option(metavar="NAME", help="native: no Python behind it; python: pythonfmu's, to hack the physics.")
     ] = "native",
@@ -28,23 +27,20 @@ def build(
         ),
     ] = None,
 ) -> None:
-    """Build EMA_HF.fmu, EMA_ELF.fmu (which is ELF+ too) and EMA_LF.fmu."""
+    """Build the FMUs of these fidelities; those that differ only in parameters share one."""
     from harness.fidelity import FMU_DIR, parse_fidelities
 
-    names = dict.fromkeys(wanted.fmu for wanted in parse_fidelities(fidelity))
-    for path in build_into(list(names), out or FMU_DIR, runtime=runtime, platform=platform):
+    models = dict.fromkeys(wanted.model for wanted in parse_fidelities(fidelity))
+    for path in build_into(list(models), out or FMU_DIR, runtime=runtime, platform=platform):
         typer.echo(f"built {path}")
 
 
-def build_into(names: list[str], folder: Path, *, runtime: str = "native", platform: str | None = None) -> list[Path]:
-    """Build the FMUs with these file names; HarnessError if that cannot be."""
+def build_into(models: "Sequence[str]", folder: Path, *, runtime: str = "native", platform: str | None = None) -> list[Path]:
+    """Build the FMUs of `models` into `folder`; HarnessError if that fails."""
     try:
         from ema_fmu_src.fmu import build
         from ema_fmu_src.fmu.native import targets
-    except ImportError as error:
-        raise HarnessError(f"building FMUs needs {error.name}: pip install 'ema-twins[build]'") from None
-    models = [name.removeprefix("EMA_").removesuffix(".fmu") for name in names]
-    try:
+
         platforms = targets.parse(platform) if platform else None
         return build.build(models, out=folder, runtime=runtime, platforms=platforms)
     except ImportError as error:
@@ -56,17 +52,19 @@ def build_into(names: list[str], folder: Path, *, runtime: str = "native", platf
 
 
 def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None) -> Path:
-    """The folder of the FMUs, `given` or our own, with what these fidelities need: FMUs that are missing are built, in our
-    own folder also those whose sources have changed since."""
+    """The folder `given`, or our own, with the FMUs that these fidelities need: those that are missing are built.
+
+    In our own folder, those whose sources have changed since they were built are built again.
+    """
     from harness.fidelity import FMU_DIR
 
     folder = given or FMU_DIR
-    names = list(dict.fromkeys(fidelity.fmu for fidelity in fidelities))
-    missing = [name for name in names if not (folder / name).is_file()]
+    models = list(dict.fromkeys(fidelity.model for fidelity in fidelities))
+    missing = [model for model in models if not (folder / fmu_name(model)).is_file()]
     if given is None and find_spec("ziglang"):  # without the extra [build], what is there is what came with the package
         from ema_fmu_src.fmu.build import is_current
 
-        missing = [name for name in names if not is_current(folder / name)]
+        missing = [model for model in models if not is_current(folder / fmu_name(model))]
     if missing:
         for path in build_into(missing, folder):
             typer.echo(f"built {path}")

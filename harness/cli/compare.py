@@ -10,7 +10,10 @@ from harness.cli.terminal import show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from harness.comparison import Comparison
+    from harness.trials import Trial
 
 
 def compare(
@@ -24,9 +27,9 @@ def compare(
 ) -> None:
     """Compare any FMU that has the ports with a reference FMU, variable by variable."""
     from harness.comparison import compare as compare_runs
-    from harness.comparison import percent
+    from harness.comparison import percent, summary
     from harness.files import results
-    from harness.flight.interrupt import held
+    from harness.flight.interrupt import deferred
     from harness.flight.twin import Twin
     from harness.parameters import parse_settings
 
@@ -36,9 +39,15 @@ def compare(
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
     if json_file:
         results.prepare_file(json_file)
-    with held() as check, Twin(candidate) as twin, Twin(reference) as other:
-        watch = {"on_progress": lambda done: check()}
-        pairs = [(twin.run(item, parameters, **watch), other.run(item, parameters, **watch)) for item in flown]
+    with deferred() as interrupted, Twin(candidate) as twin, Twin(reference) as other:
+
+        def fly(each: Twin, item: "Trial") -> "xr.Dataset":
+            run = each.run(item, parameters, on_progress=lambda done: interrupted())
+            if interrupted():
+                raise KeyboardInterrupt
+            return run
+
+        pairs = [(fly(twin, item), fly(other, item)) for item in flown]
     names = (candidate.stem, reference.stem)
     comparisons: list[Comparison] = []
     for found, expected in pairs:
@@ -47,7 +56,7 @@ def compare(
         entries = [
             (dataset.attrs["trial"], name, dataset) for pair in pairs for name, dataset in zip(names, pair, strict=True)
         ]
-        results.write(json_file, results.as_json(entries, comparisons))
+        results.write_json(json_file, summary(entries, comparisons))
     rows = [
         (
             item.trial,

@@ -13,8 +13,8 @@ def export(
     force: Annotated[bool, typer.Option("--force", help="Replace files of these names that differ.")] = False,
 ) -> None:
     """Copy the FMUs and the SSP package, ready for another tool, into a folder."""
+    from ema_fmu_src.fidelities import FIDELITIES
     from harness.cli.build import fmu_folder
-    from harness.fidelity import FIDELITIES
     from harness.files import results
 
     own = fmu_folder(FIDELITIES.values())

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ema_fmu_src.fidelities import FIDELITIES, Fidelity
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.fidelity import Fidelity
     from harness.trials import Trial
 
 Settings = Annotated[
@@ -30,7 +30,7 @@ TrialFile = Annotated[
         "--trial-file", metavar="FILE.csv", help="A trial of your own: time, command[, load_torque, supply_voltage]."
     ),
 ]
-Monitor = Annotated[str, typer.Option("--monitor", metavar="FIDELITY", help="The model: ELF+, LF, ELF or HF.")]
+Monitor = Annotated[str, typer.Option("--monitor", metavar="FIDELITY", help=f"The model: {', '.join(FIDELITIES)}.")]
 Limits = Annotated[
     list[str] | None,
     typer.Option("--limit", metavar="NAME=VALUE", help="A fault at which health is 0, such as friction=2; several times."),
@@ -42,7 +42,7 @@ Threshold = Annotated[
 
 @contextmanager
 def required_extra(extra: str) -> Iterator[None]:
-    """Turns a missing library into one line that names the extra which brings it."""
+    """Turns a missing library into one line that names the extra which installs it."""
     try:
         yield
     except ImportError as error:
@@ -51,23 +51,24 @@ def required_extra(extra: str) -> Iterator[None]:
 
 def chosen_monitor(
     name: str, settings: list[str] | None, *, estimated: Collection[str]
-) -> "tuple[Fidelity, dict[str, float]]":
-    """The monitor's fidelity and the parameters set for it; HarnessError if one of them is to be `estimated`."""
-    from harness.fidelity import FIDELITIES, parse_fidelities
+) -> tuple[Fidelity, dict[str, float]]:
+    """The monitor's fidelity, and the parameters set for it; HarnessError if one of the ports to be `estimated` is set."""
+    from harness.fidelity import parse_fidelity
     from harness.parameters import parse_settings
 
-    models = parse_fidelities(name)
-    if len(models) != 1:
-        raise HarnessError(f"--monitor {name}: one fidelity is needed, of {', '.join(FIDELITIES)}")
+    model = parse_fidelity(name, "--monitor")
     parameters = parse_settings(settings or [])
     for port in estimated:
         if port in parameters:
             raise HarnessError(f"--set {port}: it is what is estimated; only other parameters can be set")
-    return models[0], parameters
+    return model, parameters
 
 
 def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
-    """Trials by name and from a file, the paper's three if neither is given; HarnessError for one that is not there."""
+    """Trials by name and from a file, the paper's three if neither is given.
+
+    HarnessError for a name that is unknown, a file that cannot be read, or one that has the name of a trial.
+    """
     from harness.trials import PAPER, read_trial, trial
 
     chosen = {flown.name: flown for flown in map(trial, names or [])}

@@ -2,34 +2,34 @@
 
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ema_fmu_src.fidelities import FIDELITIES, REFERENCE, Fidelity
 from harness.cli.build import fmu_folder
 from harness.cli.options import FmuDir, JsonFile, Settings, TrialFile, chosen_trials
 from harness.cli.terminal import progress, show
-from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.fidelity import Fidelity
     from harness.flight.experiment import Experiment
-    from harness.flight.switch import Plan
+    from harness.flight.switch import Schedule
     from harness.trials import Trial
 
 
 def run(
     trials: Annotated[list[str] | None, typer.Argument(metavar="[TRIAL ...]", help="SIN, SIN4, STEP-RAMP, ...")] = None,
-    fidelity: Annotated[str, typer.Option(metavar="LIST", help="Fidelities, by commas.")] = "HF,ELF,ELF+,LF",
+    fidelity: Annotated[str, typer.Option(metavar="LIST", help="Fidelities, by commas.")] = ",".join(FIDELITIES),
     trial_file: TrialFile = None,
     settings: Settings = None,
-    reference: Annotated[str, typer.Option(metavar="FIDELITY", help="What the others are compared with.")] = "HF",
+    reference: Annotated[str, typer.Option(metavar="FIDELITY", help="What the others are compared with.")] = REFERENCE.name,
     switches: Annotated[
         list[str] | None,
         typer.Option(
             "--switch",
-            metavar="PLAN",
+            metavar="SCHEDULE",
             help="Also one fidelity after another, such as ELF+:HF@1.2; may be given several times.",
         ),
     ] = None,
@@ -40,50 +40,34 @@ def run(
 ) -> None:
     """Fly trials with all fidelities, compare them, write trajectories (CSV) and a page (HTML).
 
-    Exit code 1 if an FMU failed in its own process (--isolate).
+    Exit code 1 if an FMU failed in its own process (--isolate). Stopped by Ctrl-C, it writes what has been flown.
     """
-    from harness.budgets import read_budgets
-    from harness.fidelity import FIDELITIES, file_stem, parse_fidelities
+    from harness.comparison import summary
+    from harness.fidelity import parse_fidelities, parse_fidelity
     from harness.files import results
-    from harness.flight.switch import parse_switch
-    from harness.flight.twin import Interrupted
+    from harness.flight.switch import parse_schedule
     from harness.parameters import parse_settings
-    from harness.show import report
 
     flown = chosen_trials(trials, trial_file)
     wanted = parse_fidelities(fidelity)
-    referred = parse_fidelities(reference)
-    if len(referred) != 1:
-        raise HarnessError(f"--reference {reference}: one fidelity is needed, of {', '.join(FIDELITIES)}")
+    compared_with = parse_fidelity(reference, "--reference")
     parameters = parse_settings(settings or [])
-    plans = [parse_switch(text) for text in switches or []]
+    schedules = [parse_schedule(text) for text in switches or []]
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    zoomed = [fidelity for plan in plans for fidelity in plan.fidelities]
-    folder = fmu_folder([*wanted, *referred, *zoomed], fmus)
+    switched = [each for schedule in schedules for each in schedule.fidelities]
+    folder = fmu_folder([*wanted, compared_with, *switched], fmus)
 
-    try:
-        experiment = _fly(flown, wanted, referred[0], folder, parameters, isolate=isolate)
-    except Interrupted as stop:
-        for (trial, name), dataset in stop.done.items():
-            results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
-        partial = out / f"{stop.partial.attrs['trial']}_{file_stem(stop.partial.attrs['fidelity'])}.partial.csv"
-        results.write(partial, results.trajectory_csv(stop.partial))
-        typer.echo(f"stopped; what was computed is in {partial}", err=True)
-        raise
-    jumps = _switch(experiment, plans, flown, folder, parameters)
-    for (trial, name), dataset in experiment.runs.items():
-        results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
-    command = shlex.join(["ema", *sys.argv[1:]])
-    budgets = read_budgets() if experiment.reference == "HF" and not parameters else None  # they are healthy HF's
-    results.write(out / "report.html", report.page(experiment, parameters=parameters, command=command, budgets=budgets))
+    experiment = _fly(flown, wanted, compared_with, schedules, folder, parameters, isolate=isolate)
+    _write_trajectories(experiment, out)
+    if experiment.stopped:
+        raise KeyboardInterrupt
+    _write_page(experiment, parameters, out / "report.html")
     if json_file:
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
-        results.write(json_file, results.as_json(entries, experiment.comparisons))
-    _print_table(experiment)
-    for line in [*jumps, *experiment.failures]:
-        typer.echo(line)
+        results.write_json(json_file, summary(entries, experiment.comparisons))
+    _print(experiment)
     typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
     if experiment.failures:
         sys.exit(1)
@@ -91,58 +75,75 @@ def run(
 
 def _fly(
     trials: "list[Trial]",
-    fidelities: "list[Fidelity]",
-    reference: "Fidelity",
+    fidelities: list[Fidelity],
+    reference: Fidelity,
+    schedules: "list[Schedule]",
     folder: Path,
     parameters: dict[str, float],
     *,
     isolate: bool,
 ) -> "Experiment":
-    from harness.flight.experiment import fly
-    from harness.flight.interrupt import held
+    """Everything that is asked for, with progress shown, until it is done or interrupted."""
+    from harness.flight.experiment import fly, fly_schedules
+    from harness.flight.interrupt import deferred
 
-    names = {reference.name, *(fidelity.name for fidelity in fidelities)}
+    names = {reference.name, *(fidelity.name for fidelity in fidelities), *(schedule.name for schedule in schedules)}
     points = len(names) * sum(len(trial.time) - 1 for trial in trials)
-    with held() as check, progress() as shown:
-
-        def advance(done: int) -> None:
-            check()
-            shown.advance(task, done)
-
+    with deferred() as interrupted, progress() as shown:
         task = shown.add_task("starting", total=points)
-        return fly(
+
+        def on_run(trial: str, name: str) -> None:
+            shown.update(task, description=f"{trial} {name}")
+
+        def on_progress(done: int) -> bool:
+            shown.advance(task, done)
+            return interrupted()
+
+        experiment = fly(
             trials,
             fidelities,
             reference,
             fmus=folder,
             parameters=parameters,
-            on_run=lambda trial, name: shown.update(task, description=f"{trial} {name}"),
-            on_progress=advance,
+            on_run=on_run,
+            on_progress=on_progress,
             isolate=isolate,
         )
+        experiment = fly_schedules(
+            experiment, schedules, trials, fmus=folder, parameters=parameters, on_run=on_run, on_progress=on_progress
+        )
+    return replace(experiment, stopped=interrupted())
 
 
-def _switch(
-    experiment: "Experiment", plans: "list[Plan]", trials: "list[Trial]", folder: Path, parameters: dict[str, float]
-) -> list[str]:
-    """Fly the plans and add them to the experiment; a line for each switch."""
-    from harness.comparison import compare
-    from harness.flight.switch import fly
+def _write_trajectories(experiment: "Experiment", out: Path) -> None:
+    """A CSV for each run; if it was stopped, also for the part of a run, with a word on stderr."""
+    from harness.fidelity import file_stem
+    from harness.files import results
 
-    lines = []
-    for plan in plans:
-        for trial in trials:
-            run, jumps = fly(plan, trial, fmus=folder, parameters=parameters)
-            reference = experiment.runs[trial.name, experiment.reference]
-            experiment.runs[trial.name, plan.name] = run
-            experiment.comparisons.extend(compare(run, reference, names=(plan.name, experiment.reference)))
-            for jump in jumps:
-                values = ", ".join(f"{name} {value:+.3g}" for name, value in jump.values.items())
-                lines.append(f"{trial.name}: {jump.before} to {jump.after} at {jump.at:g} s jumps by {values}")
-    return lines
+    for (trial, name), dataset in experiment.runs.items():
+        results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
+    written = out
+    if experiment.partial is not None:
+        names = experiment.partial.attrs
+        written = out / f"{names['trial']}_{file_stem(names['fidelity'])}.partial.csv"
+        results.write(written, results.trajectory_csv(experiment.partial))
+    if experiment.stopped:
+        typer.echo(f"stopped; what was computed is in {written}", err=True)
 
 
-def _print_table(experiment: "Experiment") -> None:
+def _write_page(experiment: "Experiment", parameters: dict[str, float], path: Path) -> None:
+    from harness.budgets import read_budgets
+    from harness.files import results
+    from harness.show import report
+
+    healthy = experiment.reference == REFERENCE.name and not parameters  # what the budgets are for
+    command = shlex.join(["ema", *sys.argv[1:]])
+    budgets = read_budgets() if healthy else None
+    results.write(path, report.page(experiment, parameters=parameters, command=command, budgets=budgets))
+
+
+def _print(experiment: "Experiment") -> None:
+    """Errors and wall times, a line for each switch, a line for each failure."""
     from harness.comparison import FIGURES, percent
 
     rows: list[tuple[str, ...]] = []
@@ -157,3 +158,8 @@ def _print_table(experiment: "Experiment") -> None:
         rows.append(())
     heads = ("Trial", "Fidelity", "position", "motor_speed", "current, filtered", "wall s / simulated s")
     show(f"Errors against {experiment.reference} (NRMSE), and wall time", heads, rows, words=("Fidelity",))
+    for jump in experiment.jumps:
+        values = ", ".join(f"{name} {value:+.3g}" for name, value in jump.values.items())
+        typer.echo(f"{jump.trial}: {jump.before} to {jump.after} at {jump.at:g} s jumps by {values}")
+    for line in experiment.failures:
+        typer.echo(line)

@@ -16,7 +16,7 @@ def serve(
     """Fly the twins on a live page: trial, fidelities and faults by sliders."""
     import logging
 
-    from harness.fidelity import FIDELITIES
+    from ema_fmu_src.fidelities import FIDELITIES
 
     with required_extra("serve"):
         from harness.show.live import Server

@@ -4,18 +4,19 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from harness.comparison import Comparison
 from harness.errors import HarnessError
 
 
 def prepare(folder: Path) -> None:
-    """Make `folder` and see that it can be written; HarnessError if not. Called before the runs begin."""
+    """Make `folder`; HarnessError if it cannot be made or written. Called before the runs begin."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -25,7 +26,7 @@ def prepare(folder: Path) -> None:
 
 
 def prepare_file(path: Path) -> None:
-    """As `prepare`, for a file: its folder, and that the path is not a folder itself."""
+    """As `prepare`, for the folder of a file; HarnessError also if `path` is itself a folder."""
     if path.is_dir():
         raise HarnessError(f"{path}: is a folder, the name of a file is needed")
     prepare(path.absolute().parent)
@@ -47,49 +48,19 @@ def write(path: Path, content: str | bytes) -> None:
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write `content` to `path` as JSON, as `write` does."""
+    """Write `content` to `path` as JSON; ValueError for a number that is not finite, which JSON does not have."""
     write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def trajectory_csv(run: xr.Dataset) -> str:
-    """A run as CSV: time, command and every output, in SI units, 9 significant digits."""
-    columns = [run.time.values, *(run[name].values.astype(float) for name in run.data_vars)]
+def csv_text(columns: Mapping[str, NDArray[Any]], *, quoted: bool = False) -> str:
+    """Columns of numbers as CSV with a header, 9 significant digits; the header's names in quotes if `quoted`."""
+    names = [f'"{name}"' for name in columns] if quoted else list(columns)
+    table = np.column_stack([column.astype(float) for column in columns.values()])
     buffer = io.StringIO()
-    header = ",".join(["time", *map(str, run.data_vars)])
-    np.savetxt(buffer, np.column_stack(columns), fmt="%.9g", delimiter=",", header=header, comments="")
+    np.savetxt(buffer, table, fmt="%.9g", delimiter=",", header=",".join(names), comments="")
     return buffer.getvalue()
 
 
-def as_json(runs: Iterable[tuple[str, str, xr.Dataset]], comparisons: Iterable[Comparison]) -> str:
-    """Runs (trial, fidelity, dataset) and comparisons as JSON."""
-    return json.dumps(
-        {
-            "runs": [
-                {
-                    "trial": trial,
-                    "fidelity": fidelity,
-                    "wall_s": run.attrs["wall_s"],
-                    "simulated_s": run.attrs["simulated_s"],
-                }
-                for trial, fidelity, run in runs
-            ],
-            "comparisons": [
-                {
-                    key: getattr(item, key)
-                    for key in (
-                        "trial",
-                        "candidate",
-                        "reference",
-                        "variable",
-                        "unit",
-                        "nrmse",
-                        "max_abs",
-                        "t_max_abs",
-                    )
-                }
-                for item in comparisons
-            ],
-        },
-        indent=1,
-        allow_nan=False,
-    )
+def trajectory_csv(run: xr.Dataset) -> str:
+    """A run as CSV: time, command and every output, in SI units."""
+    return csv_text({"time": run.time.values, **{str(name): run[name].values for name in run.data_vars}})

@@ -63,11 +63,11 @@ class Component:
         try:
             slave.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:  # noqa: BLE001 - FMPy raises plain Exception when the FMU returns no instance
-            raise HarnessError(f"{self.path}: cannot be instantiated: {self.told() or error}") from None
+            raise HarnessError(f"{self.path}: cannot be instantiated: {self.take_messages() or error}") from None
         return slave
 
-    def told(self) -> str:
-        """What the FMU has logged since the last call, as one line."""
+    def take_messages(self) -> str:
+        """What the FMU has logged since the last call, as one line; the next call does not have it again."""
         text = "; ".join(" ".join(message.split()) for message in dict.fromkeys(self._messages))
         self._messages.clear()
         return text
@@ -79,7 +79,7 @@ class Component:
         self.close()
 
     def close(self) -> None:
-        """Free the instance and its unpacked files; once is enough, more does no harm."""
+        """Free the instance and its unpacked files; a second call does nothing."""
         if self._slave is not None:
             slave, self._slave = self._slave, None
             try:
@@ -87,19 +87,22 @@ class Component:
             finally:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
-    def reference(self, name: str, kind: str = "Real") -> int:
-        """Value reference of the variable `name`; HarnessError if there is none, or of another type than `kind`."""
+    def value_reference(self, name: str, kind: str = "Real") -> int:
+        """Value reference of the variable `name`; HarnessError if there is none, or if its type is not `kind`."""
         variable = self.variables.get(name)
         if variable is None or variable.type != kind:
             raise HarnessError(f"{self.path}: has no {kind} variable '{name}'")
         return int(variable.valueReference)
 
     def read(self, name: str) -> float:
-        """The value that the Real variable `name` has now."""
-        return float(self._slave.getReal([self.reference(name)])[0])
+        """The present value of the Real variable `name`."""
+        return float(self._slave.getReal([self.value_reference(name)])[0])
 
     def begin(self, parameters: Mapping[str, float], inputs: Mapping[str, float], *, start: float = 0.0) -> Any:
-        """Start anew at the time `start` [s]: FMPy's slave, reset, set and out of initialization mode."""
+        """Reset, set `parameters` and `inputs` (name -> value in its unit), initialize at the time `start` [s].
+
+        Returns FMPy's slave, which has left initialization mode.
+        """
         if self._slave is None:
             raise HarnessError(f"{self.path}: already closed")
         slave = self._slave
@@ -116,19 +119,19 @@ class Component:
                 self._set(name, value)
             slave.exitInitializationMode()
         except FMICallException as error:
-            raise HarnessError(f"{self.path.name}: {self.told() or error}") from None
-        if told := self.told():
-            raise HarnessError(f"{self.path.name}: {told}")
+            raise HarnessError(f"{self.path.name}: {self.take_messages() or error}") from None
+        if messages := self.take_messages():
+            raise HarnessError(f"{self.path.name}: {messages}")
         return slave
 
     def _set(self, name: str, value: float) -> None:
         variable = self.variables.get(name)
         if variable is None:
             raise HarnessError(f"{self.path}: has no variable '{name}'")
-        reference = [variable.valueReference]
+        references = [variable.valueReference]
         if variable.type == "Boolean":
-            self._slave.setBoolean(reference, [bool(value)])
+            self._slave.setBoolean(references, [bool(value)])
         elif variable.type == "Integer":
-            self._slave.setInteger(reference, [int(value)])
+            self._slave.setInteger(references, [int(value)])
         else:
-            self._slave.setReal(reference, [float(value)])
+            self._slave.setReal(references, [float(value)])

@@ -1,10 +1,10 @@
 """Several FMUs as one system: outputs of one are inputs of another, exchanged at the communication points.
 
 Jacobi: all FMUs step with what the others had at the last point. Gauss-Seidel: in the order given, each takes what those
-before it have just reached. Either is of first order in the communication step. The loop is compiled, as the master's is.
+before it have just reached. Either is of first order in the communication step. The loop is compiled, as the master's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,11 +16,24 @@ from numba import njit
 from numpy.typing import NDArray
 
 from harness.errors import HarnessError
+from harness.flight.calls import (
+    CALLS,
+    DO_STEP,
+    GET_REAL,
+    SET_REAL,
+    WARNING,
+    addresses,
+    call_step,
+    call_values,
+    instance_address,
+    status_name,
+)
 from harness.flight.component import Component
-from harness.flight.master import CALLS, DO_STEP, GET_REAL, SET_REAL, STATUSES, WARNING, call_step, call_values, entry
 
 Order = Literal["jacobi", "gauss-seidel"]
 Array = NDArray[np.float64]
+NO_COMPONENT = -1
+"""What the loop answers in the place of the component that failed where none has."""
 
 
 @dataclass(frozen=True)
@@ -43,70 +56,89 @@ class System:
 
 
 @njit(cache=True)
-def _exchange(calls, components, links, factors, target, cell, whole):  # type: ignore[no-untyped-def]
-    """The connections to `target` (-1: all): first all values, then all sets; call and status of a bad call, or 0, 0."""
-    for j in range(len(links)):
-        if target < 0 or links[j, 2] == target:
-            source = links[j, 0]
-            whole[0] = links[j, 1]
-            at = cell.ctypes.data + 8 * j
-            status = call_values(calls[source, GET_REAL], components[source], whole.ctypes.data, 1, at)
-            if status > WARNING:
-                return GET_REAL, status
-            cell[j] *= factors[j]
-    for j in range(len(links)):
-        if target < 0 or links[j, 2] == target:
-            whole[0] = links[j, 3]
-            at = cell.ctypes.data + 8 * j
-            status = call_values(calls[links[j, 2], SET_REAL], components[links[j, 2]], whole.ctypes.data, 1, at)
-            if status > WARNING:
-                return SET_REAL, status
-    return 0, 0
-
-
-@njit(cache=True)
-def _note(calls, components, watched, row, whole):  # type: ignore[no-untyped-def]
-    """The recorded variables into `row`; call and status of a bad call, or 0, 0."""
-    for j in range(len(watched)):
-        whole[0] = watched[j, 1]
+def _transfer(calls, components, call, variables, row, value_reference):  # type: ignore[no-untyped-def]
+    """GET_REAL into `row` or SET_REAL from it, a value for each of `variables`; answers as _loop, without the step."""
+    for j in range(len(variables)):
+        k, value_reference[0] = variables[j, 0], variables[j, 1]
         at = row.ctypes.data + 8 * j
-        status = call_values(calls[watched[j, 0], GET_REAL], components[watched[j, 0]], whole.ctypes.data, 1, at)
+        status = call_values(calls[k, call], components[k], value_reference.ctypes.data, 1, at)
         if status > WARNING:
-            return GET_REAL, status
-    return 0, 0
+            return k, call, status
+    return NO_COMPONENT, 0, 0
 
 
 @njit(cache=True)
-def _loop(calls, components, step, jacobi, links, factors, fed, table, watched, outputs):  # type: ignore[no-untyped-def]
-    """All steps; component, step, place in CALLS and status of a bad call, or -1, 0, 0, 0."""
-    cell, whole, value = np.empty(len(links) + 1), np.empty(1, np.uint32), np.empty(1)
-    call, status = _note(calls, components, watched, outputs[0], whole)
+def _exchange(calls, components, sources, targets, factors, cell, value_reference):  # type: ignore[no-untyped-def]
+    """Along connections: first all values, then all sets; answers as _loop, without the step."""
+    failed, call, status = _transfer(calls, components, GET_REAL, sources, cell, value_reference)
     if status > WARNING:
-        return 0, 0, call, status
+        return failed, call, status
+    for j in range(len(factors)):
+        cell[j] *= factors[j]
+    return _transfer(calls, components, SET_REAL, targets, cell, value_reference)
+
+
+@njit(cache=True)
+def _loop(calls, components, step, spans, sources, targets, factors, fed, table, recorded, outputs):  # type: ignore[no-untyped-def]
+    """All steps; step, component, place in CALLS and status of a call that failed, or 0, NO_COMPONENT, 0, 0.
+
+    Before component k steps, the connections from spans[k, 0] to spans[k, 1] - 1 are exchanged.
+    """
+    cell, value_reference = np.empty(len(factors) + 1), np.empty(1, np.uint32)
+    failed, call, status = _transfer(calls, components, GET_REAL, recorded, outputs[0], value_reference)
+    if status > WARNING:
+        return 0, failed, call, status
     for n in range(len(outputs) - 1):
-        for j in range(len(fed)):
-            whole[0], value[0] = fed[j, 1], table[n, j]
-            k = fed[j, 0]
-            status = call_values(calls[k, SET_REAL], components[k], whole.ctypes.data, 1, value.ctypes.data)
-            if status > WARNING:
-                return k, n, SET_REAL, status
-        if jacobi:
-            call, status = _exchange(calls, components, links, factors, -1, cell, whole)
-            if status > WARNING:
-                return 0, n, call, status
+        failed, call, status = _transfer(calls, components, SET_REAL, fed, table[n], value_reference)
+        if status > WARNING:
+            return n, failed, call, status
         at, end = n * step, (n + 1) * step
         for k in range(len(components)):
-            if not jacobi:
-                call, status = _exchange(calls, components, links, factors, k, cell, whole)
-                if status > WARNING:
-                    return k, n, call, status
+            first, last = spans[k, 0], spans[k, 1]
+            links = (sources[first:last], targets[first:last], factors[first:last])
+            failed, call, status = _exchange(calls, components, *links, cell, value_reference)
+            if status > WARNING:
+                return n, failed, call, status
             status = call_step(calls[k, DO_STEP], components[k], at, end - at, np.int32(1))
             if status > WARNING:
-                return k, n, DO_STEP, status
-        call, status = _note(calls, components, watched, outputs[n + 1], whole)
+                return n, k, DO_STEP, status
+        failed, call, status = _transfer(calls, components, GET_REAL, recorded, outputs[n + 1], value_reference)
         if status > WARNING:
-            return 0, n, call, status
-    return -1, 0, 0, 0
+            return n, failed, call, status
+    return 0, NO_COMPONENT, 0, 0
+
+
+class _Places:
+    """Finds COMPONENT.VARIABLE among open FMUs; HarnessError that names what is not there."""
+
+    def __init__(self, opened: Mapping[str, Component]) -> None:
+        self._opened, self._names = opened, list(opened)
+
+    def split(self, name: str) -> tuple[str, str]:
+        component, dot, variable = name.partition(".")
+        if not dot or component not in self._opened:
+            raise HarnessError(f"{name}: COMPONENT.VARIABLE is needed, with a component of {', '.join(self._names)}")
+        return component, variable
+
+    def of(self, name: str) -> tuple[int, int]:
+        """Place of the component, and value reference of the Real variable."""
+        component, variable = self.split(name)
+        return self._names.index(component), self._opened[component].value_reference(variable)
+
+    def table(self, names: Iterable[str]) -> NDArray[np.int64]:
+        """Those of several, shape (n, 2)."""
+        return np.array([self.of(name) for name in names], dtype=np.int64).reshape(-1, 2)
+
+
+def _spans(targets: NDArray[np.int64], n_components: int, order: Order) -> NDArray[np.int64]:
+    """First and last + 1 of the connections that are exchanged before each component steps, shape (n_components, 2).
+
+    `targets` are the components at the ends of the connections, in rising order. Jacobi: all before the first component.
+    """
+    if order == "jacobi":
+        return np.array([(0, len(targets)), *[(0, 0)] * (n_components - 1)])
+    bounds = np.searchsorted(targets, np.arange(n_components + 1))
+    return np.column_stack([bounds[:-1], bounds[1:]])
 
 
 def fly(
@@ -132,34 +164,27 @@ def fly(
             raise HarnessError(f"{name}: {len(series)} values are given, {n_steps} are needed")
     with ExitStack() as stack:
         opened = {name: stack.enter_context(Component(path)) for name, path in system.components.items()}
-        names = list(opened)
-
-        def place(name: str) -> tuple[int, int]:
-            component, dot, variable = name.partition(".")
-            if not dot or component not in opened:
-                raise HarnessError(f"{name}: COMPONENT.VARIABLE is needed, with a component of {', '.join(names)}")
-            return names.index(component), opened[component].reference(variable)
-
-        links = np.array([place(c.source) + place(c.target) for c in system.connections], dtype=np.int64).reshape(-1, 4)
-        factors = np.array([connection.factor for connection in system.connections], dtype=np.float64)
-        fed = np.array([place(name) for name in given], dtype=np.int64).reshape(-1, 2)
-        watched = np.array([place(name) for name in record], dtype=np.int64).reshape(-1, 2)
-        starts: dict[str, dict[str, float]] = {name: {} for name in names}
+        places = _Places(opened)
+        connections = sorted(system.connections, key=lambda each: places.of(each.target)[0])
+        sources, targets = (places.table(getattr(each, end) for each in connections) for end in ("source", "target"))
+        factors = np.array([each.factor for each in connections], dtype=np.float64)
+        fed, recorded = places.table(given), places.table(record)
+        starts: dict[str, dict[str, float]] = {name: {} for name in opened}
         for name, value in system.parameters.items():
-            component, _, variable = name.partition(".")
-            if component not in starts:
-                raise HarnessError(f"{name}: COMPONENT.VARIABLE is needed, with a component of {', '.join(names)}")
+            component, variable = places.split(name)
             starts[component][variable] = value
-        slaves = [opened[name].begin(starts[name], {}) for name in names]
-        calls = np.array([[entry(slave, call) for call in CALLS] for slave in slaves], dtype=np.intp)
-        components = np.array([slave.component for slave in slaves], dtype=np.intp)
+        slaves = [component.begin(starts[name], {}) for name, component in opened.items()]
+        calls = np.array([addresses(slave) for slave in slaves], dtype=np.intp)
+        components = np.array([instance_address(slave) for slave in slaves], dtype=np.intp)
         table = np.column_stack([series[:n_steps] for series in given.values()]) if given else np.empty((n_steps, 0))
+        table = np.ascontiguousarray(table, dtype=np.float64)
         outputs = np.full((n_steps + 1, len(record)), np.nan)
-        bad, at, call, status = _loop(
-            calls, components, step, order == "jacobi", links, factors, fed, table, watched, outputs
-        )  # fmt: skip
-        if bad >= 0:
-            told = opened[names[bad]].told() or f"{CALLS[call]} returned {STATUSES[min(status, 5)]}"
-            raise HarnessError(f"{names[bad]}, at {at * step:g} s: {told}")
+        spans = _spans(targets[:, 0], len(slaves), order)
+        wiring = (spans, sources, targets, factors, fed, table, recorded, outputs)
+        at, failed, call, status = _loop(calls, components, step, *wiring)  # type: ignore[call-arg]
+        if failed != NO_COMPONENT:
+            name = list(opened)[failed]
+            reason = opened[name].take_messages() or f"{CALLS[call]} returned {status_name(status)}"
+            raise HarnessError(f"{name}, at {at * step:g} s: {reason}")
     data = {name: ("time", outputs[:, column]) for column, name in enumerate(record)}
     return xr.Dataset(data, coords={"time": ("time", np.arange(n_steps + 1) * step, {"units": "s"})})

@@ -8,29 +8,24 @@ from typing import Any
 
 
 @contextmanager
-def held() -> Iterator[Callable[[], None]]:
-    """Hold interrupts back inside the block; yields a function to call where stopping is safe.
+def deferred() -> Iterator[Callable[[], bool]]:
+    """Defer interrupts inside the block; yields a function that answers whether one has come, inside the block and after it.
 
-    That function raises KeyboardInterrupt if an interrupt has come, and so does the block's end. A second interrupt is
-    not held back. Outside the main thread, which gets no interrupts, nothing is done.
+    What to do about it is the caller's. A second interrupt is not deferred: it raises KeyboardInterrupt. Outside the main
+    thread, which alone gets interrupts, nothing is done.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
     came: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
 
     def note(number: int, frame: Any) -> None:
         came.append(number)
         if len(came) > 1:
             raise KeyboardInterrupt
 
-    def check() -> None:
-        if came:
-            raise KeyboardInterrupt
-
     before = signal.signal(signal.SIGINT, note)
     try:
-        yield check
+        yield lambda: bool(came)
     finally:
         signal.signal(signal.SIGINT, before)
-    check()

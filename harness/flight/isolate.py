@@ -1,4 +1,4 @@
-"""An FMU in a process of its own: one that crashes, hangs or lies takes nothing else with it."""
+"""An FMU in a process of its own: one that crashes or hangs takes nothing else with it."""
 
 import multiprocessing
 import signal
@@ -14,14 +14,15 @@ from harness.errors import HarnessError
 from harness.trials import Trial
 
 TIME_LIMIT = 60.0
-"""For one run, the FMU's loading included [s]."""
+"""For one run, the FMU's loading included, but not the start of the process [s]."""
 
 
 def _serve(pipe: Connection, path: Path) -> None:
-    """What the process does: open the FMU, fly what is asked for, answer with the run or with a line of text."""
+    """What the process does: open the FMU, fly what comes through the pipe, answer with the run or with a line of text."""
     from harness.flight.twin import Twin
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    pipe.send(None)  # ready: the time limit is for FMUs, not for Python's own start
     twin: Any = None
     while True:
         try:
@@ -38,8 +39,8 @@ def _serve(pipe: Connection, path: Path) -> None:
 class Isolated:
     """Flies trials with the FMU at `path` in another process; a context manager, with the interface of `Twin.run`.
 
-    HarnessError with one line if the process dies, takes longer than `time_limit` [s] or is refused something; the next
-    run then starts a new process. None is left behind.
+    HarnessError with one line if the process dies or takes longer than `time_limit` [s] (the next run then starts a new
+    one), or if the FMU refuses something. No process is left behind.
     """
 
     def __init__(self, path: Path, *, time_limit: float = TIME_LIMIT) -> None:
@@ -55,7 +56,7 @@ class Isolated:
         self.close()
 
     def close(self) -> None:
-        """End the process; once is enough, more does no harm."""
+        """End the process; a second call does nothing."""
         process, self._process = self._process, None
         if self._pipe is not None:
             self._pipe.close()
@@ -72,23 +73,17 @@ class Isolated:
         trial: Trial,
         parameters: Mapping[str, float] | None = None,
         *,
-        on_progress: Callable[[int], None] | None = None,
+        on_progress: Callable[[int], object] | None = None,
     ) -> xr.Dataset:
-        """As `Twin.run`; `on_progress` is called once, at the end."""
-        if self._process is None:
-            context = multiprocessing.get_context("spawn")
-            self._pipe, other = context.Pipe()
-            self._process = context.Process(target=_serve, args=(other, self.path), daemon=True)
-            self._process.start()
-            other.close()
-        assert self._pipe is not None
+        """As `Twin.run`, but the run is never stopped: `on_progress` is called once, at its end."""
         try:
-            self._pipe.send((trial, dict(parameters or {})))
-            if not self._pipe.poll(self.time_limit):
+            pipe = self._pipe or self._started()
+            pipe.send((trial, dict(parameters or {})))
+            if not pipe.poll(self.time_limit):
                 problem = f"has not finished within {self.time_limit:g} s"
                 self._process.kill()
             else:
-                answer = self._pipe.recv()
+                answer = pipe.recv()
                 if isinstance(answer, str):
                     raise HarnessError(answer)
                 if on_progress:
@@ -98,6 +93,16 @@ class Isolated:
             problem = self._death()
         self.close()
         raise HarnessError(f"{self.path.name}, trial {trial.name}: {problem}")
+
+    def _started(self) -> Connection:
+        """The pipe to a new process that is ready; EOFError if it has died."""
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(other, self.path), daemon=True)
+        self._process.start()
+        other.close()
+        self._pipe.recv()
+        return self._pipe
 
     def _death(self) -> str:
         self._process.join()

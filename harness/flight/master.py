@@ -1,57 +1,58 @@
 """The co-simulation master: one FMU through the communication points of a table, in compiled code.
 
 The loop calls the FMI functions of the library that FMPy has loaded, through their addresses; numba compiles it once and
-keeps the machine code between processes. Any FMI 2.0 co-simulation FMU will do. A call costs what the FMU takes and some
+keeps the machine code between processes. Any FMI 2.0 co-simulation FMU will do. A step costs what the FMU takes and some
 nanoseconds (`ema bench`), against 3 to 4 us through FMPy's own loop.
 """
 
-import ctypes
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from numpy.typing import NDArray
+
+from harness.flight.calls import (
+    CALLS,
+    DO_STEP,
+    GET_BOOLEAN,
+    GET_INTEGER,
+    GET_REAL,
+    SET_BOOLEAN,
+    SET_INTEGER,
+    SET_REAL,
+    SET_SLOPE,
+    WARNING,
+    addresses,
+    call_slopes,
+    call_step,
+    call_values,
+    instance_address,
+    status_name,
+)
 
 POINTS_A_NOTICE = 5000
 """Communication points between two calls of the progress callback."""
-CALLS = ("fmi2SetReal", "fmi2SetRealInputDerivatives", "fmi2SetInteger", "fmi2SetBoolean", "fmi2DoStep",
-         "fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean")  # fmt: skip
-SET_REAL, SET_SLOPE, SET_INTEGER, SET_BOOLEAN, DO_STEP, GET_REAL, GET_INTEGER, GET_BOOLEAN = range(len(CALLS))
-STATUSES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
-WARNING, NO_STEP = 1, -2
+NO_STEP = -2
+"""What the loop answers in the place of the step that failed where none has."""
 
 
 class StepFailed(Exception):
-    """An FMI call returned a status worse than a warning: which call, when, and what was computed until then."""
-
-    def __init__(self, call: str, at: float, status: int, outputs: NDArray[np.float64]) -> None:
-        name = STATUSES[status] if 0 <= status < len(STATUSES) else f"status {status}"
-        super().__init__(f"{call} at {at:.9g} s returned {name}")
-        self.call, self.at, self.status, self.outputs = call, at, status, outputs
-
-
-class Stopped(KeyboardInterrupt):
-    """A callback has raised KeyboardInterrupt; `outputs` holds what was computed until then."""
-
-    def __init__(self, outputs: NDArray[np.float64]) -> None:
-        super().__init__(f"stopped after {len(outputs) - 1} steps")
-        self.outputs = outputs
+    """An FMI call returned a status worse than a warning; the message says which call, when [s], and the status."""
 
 
 @dataclass(frozen=True)
-class References:
-    """Value references by type, in the order of the table's columns: first the Reals, then Integers, then Booleans."""
+class ValueReferences:
+    """Value references by type, in the order of a table's columns: first the Reals, then the Integers, then the Booleans."""
 
     real: Sequence[int] = ()
     integer: Sequence[int] = ()
     boolean: Sequence[int] = ()
 
     def arrays(self) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32]]:
+        """Those of the Reals, the Integers and the Booleans, as the FMI functions take them."""
         real, integer, boolean = (np.array(part, dtype=np.uint32) for part in (self.real, self.integer, self.boolean))
         return real, integer, boolean
 
@@ -61,45 +62,32 @@ class References:
 
 @dataclass(frozen=True)
 class Stimuli:
-    """What the FMU is given: `table`, shape (n_steps + 1, len(references)), row n from start + n*step on.
+    """What the FMU is given: `table`, shape (n_steps + 1, len(inputs)), row n from start + n*step on.
 
-    Columns whose place is in `ramps` (Reals only) move linearly to the next row within a step, by
-    fmi2SetRealInputDerivatives; the others are held.
+    `inputs` are the variables of the columns. Columns whose place is in `ramps` (Reals only) move linearly to the next row
+    within a step, by fmi2SetRealInputDerivatives; the others are held.
     """
 
-    references: References
+    inputs: ValueReferences
     table: NDArray[np.float64]
     ramps: Sequence[int] = field(default_factory=tuple)
 
 
-def _call(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    """Code of a call through the address `values[0]`: an `int` function in C of the arguments that follow."""
-    kinds = {types.intp: ir.IntType(64), types.float64: ir.DoubleType(), types.int32: ir.IntType(32)}
-    function = ir.FunctionType(ir.IntType(32), [kinds[argument] for argument in signature.args[1:]])
-    return builder.call(builder.inttoptr(values[0], function.as_pointer()), values[1:])
+@dataclass(frozen=True)
+class Recording:
+    """What a run gave: `outputs`, shape (n_points, len(wanted)), and the wall time of the loop [s].
 
+    `stopped`: the run was stopped before its end, and the points after that are missing.
+    """
 
-@intrinsic
-def call_values(typing_context, address, component, references, n, values):  # type: ignore[no-untyped-def]
-    """fmi2Set<Type> and fmi2Get<Type>(component, references, n, values)."""
-    return types.int32(types.intp, types.intp, types.intp, types.intp, types.intp), _call
-
-
-@intrinsic
-def call_slopes(typing_context, address, component, references, n, orders, values):  # type: ignore[no-untyped-def]
-    """fmi2SetRealInputDerivatives(component, references, n, orders, values)."""
-    return types.int32(types.intp, types.intp, types.intp, types.intp, types.intp, types.intp), _call
-
-
-@intrinsic
-def call_step(typing_context, address, component, time, size, no_set_state_prior):  # type: ignore[no-untyped-def]
-    """fmi2DoStep(component, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint)."""
-    return types.int32(types.intp, types.intp, types.float64, types.float64, types.int32), _call
+    outputs: NDArray[np.float64]
+    wall: float
+    stopped: bool
 
 
 @njit(cache=True)
 def _set_others(calls, component, n, places, row, wholes, whole_data):  # type: ignore[no-untyped-def]
-    """Integer and Boolean inputs from `row`; place in CALLS and status of a bad call, or 0, 0."""
+    """Integer and Boolean inputs from `row`; place in CALLS and status of a call that failed, or 0, 0."""
     for kind, call in ((1, SET_INTEGER), (2, SET_BOOLEAN)):
         if n[kind]:
             first = n[0] + (n[1] if kind == 2 else 0)
@@ -113,7 +101,7 @@ def _set_others(calls, component, n, places, row, wholes, whole_data):  # type: 
 
 @njit(cache=True)
 def _get_others(calls, component, n, places, row, wholes, whole_data):  # type: ignore[no-untyped-def]
-    """Integer and Boolean outputs into `row`; place in CALLS and status of a bad call, or 0, 0."""
+    """Integer and Boolean outputs into `row`; place in CALLS and status of a call that failed, or 0, 0."""
     for kind, call in ((1, GET_INTEGER), (2, GET_BOOLEAN)):
         if n[kind]:
             status = call_values(calls[call], component, places[kind], n[kind], whole_data)
@@ -127,16 +115,16 @@ def _get_others(calls, component, n, places, row, wholes, whole_data):  # type: 
 
 @njit(cache=True)
 def _loop(calls, component, start, step, span, given, wanted, places, ramps, table, outputs):  # type: ignore[no-untyped-def]
-    """Steps span[0] to span[1] - 1; the step at which a call went wrong, its place in CALLS, its status; or -1, 0, 0.
+    """Steps span[0] to span[1] - 1; the step at which a call failed, its place in CALLS, its status; or NO_STEP, 0, 0.
 
     `given`, `wanted`: numbers of Real, Integer, Boolean inputs and outputs; `places`: addresses of their value references.
-    Reals lie first in a row: the FMU reads and writes them in `table` and `outputs` themselves, without a copy.
+    Reals come first in a row: the FMU reads and writes them in `table` and `outputs` themselves, without a copy.
     `ramps`: columns and value references of the inputs that ramp. Steps before 0 only get the outputs.
     """
     wholes = np.empty(table.shape[1] + outputs.shape[1], np.int32)
-    columns, references = ramps
+    columns, value_references = ramps
     orders, slopes = np.ones(len(columns), np.int32), np.empty(len(columns))
-    slope_at, order_at, reference_at = slopes.ctypes.data, orders.ctypes.data, references.ctypes.data
+    slope_at, order_at, reference_at = slopes.ctypes.data, orders.ctypes.data, value_references.ctypes.data
     whole_at, input_at, output_at = wholes.ctypes.data, table.ctypes.data, outputs.ctypes.data
     input_stride, output_stride = 8 * table.shape[1], 8 * outputs.shape[1]
     for n in range(span[0], span[1]):
@@ -176,18 +164,16 @@ def run(
     start: float,
     step: float,
     stimuli: Stimuli,
-    wanted: References,
-    on_progress: Callable[[int], None] | None = None,
+    wanted: ValueReferences,
+    on_progress: Callable[[int], object] | None = None,
     into: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float64], float]:
+) -> Recording:
     """Set inputs, do a step, get outputs, from point to point; the slave has just left initialization mode.
 
-    `slave` is FMPy's FMU2Slave. Communication points are start + n*step [s]. Returns the outputs, shape
-    (n_steps + 1, len(wanted)), and the wall time of the loop [s]. `on_progress(points)` is called now and then.
-    `into`, of that shape, is filled and returned instead of a new array: where many runs follow one another and memory goes
-    back to the system after each (as Dask's workers do), that saves a quarter of a run of ELF+.
-    StepFailed at the first status worse than a warning, Stopped if `on_progress` raises KeyboardInterrupt: both hold the
-    outputs until then.
+    `slave` is FMPy's FMU2Slave. Communication points are start + n*step [s]. `on_progress(points)` is called every
+    POINTS_A_NOTICE points; if it answers True, the run stops there. `into`, of shape (n_steps + 1, len(wanted)), is filled
+    and returned instead of a new array: where many runs follow one another and memory goes back to the system after each
+    (as Dask's workers do), that saves a quarter of a run of ELF+. StepFailed at the first status worse than a warning.
     """
     table = np.ascontiguousarray(stimuli.table, dtype=np.float64)
     n_steps = len(table) - 1
@@ -196,9 +182,8 @@ def run(
         raise ValueError(f"into: shape {(n_steps + 1, len(wanted))} in C order is needed, not {outputs.shape}")
     if into is None:
         outputs.fill(np.nan)  # touched: page faults would cost as much as the FMU
-    calls = tuple(entry(slave, name) for name in CALLS)
-    component = int(ctypes.cast(slave.component, ctypes.c_void_p).value or 0)
-    given, got = stimuli.references.arrays(), wanted.arrays()
+    calls, instance = addresses(slave), instance_address(slave)
+    given, got = stimuli.inputs.arrays(), wanted.arrays()
     sizes = tuple(tuple(len(part) for part in parts) for parts in (given, got))
     places = tuple(tuple(part.ctypes.data for part in parts) for parts in (given, got))
     columns = np.array(stimuli.ramps, dtype=np.intp)
@@ -206,29 +191,19 @@ def run(
 
     def fly(first: int, last: int) -> None:
         where = (*sizes, places, ramps, table, outputs)
-        bad, call, status = _loop(calls, component, start, step, (first, last), *where)  # type: ignore[call-arg]
-        if bad != NO_STEP:
-            raise StepFailed(CALLS[call], start + max(bad, 0) * step, status, outputs[: bad + 1])
+        failed, call, status = _loop(calls, instance, start, step, (first, last), *where)  # type: ignore[call-arg]
+        if failed != NO_STEP:
+            at = start + max(failed, 0) * step
+            raise StepFailed(f"{CALLS[call]} at {at:.9g} s returned {status_name(status)}")
 
     fly(0, 0)  # load or compile the loop before the clock starts
     fly(-1, 0)
-    wall = 0.0
-    for done in range(0, n_steps, POINTS_A_NOTICE):
+    wall, done, stopped = 0.0, 0, False
+    while done < n_steps and not stopped:
         until = min(done + POINTS_A_NOTICE, n_steps)
         began = time.perf_counter()
         fly(done, until)
         wall += time.perf_counter() - began
-        if on_progress:
-            try:
-                on_progress(until - done)
-            except KeyboardInterrupt:
-                raise Stopped(outputs[: until + 1]) from None
-    return outputs, wall
-
-
-def entry(slave: Any, name: str) -> int:
-    """Address of a function of the slave's library; 0 if it has none."""
-    try:
-        return int(ctypes.cast(getattr(slave.dll, name), ctypes.c_void_p).value or 0)
-    except AttributeError:
-        return 0
+        stopped = bool(on_progress and on_progress(until - done)) and until < n_steps
+        done = until
+    return Recording(outputs[: done + 1], wall, stopped)

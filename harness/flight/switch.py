@@ -1,4 +1,4 @@
-"""Swapping fidelities in mid-run: the digital twin's zoom.
+"""Switching fidelities in mid-run: the digital twin's zoom.
 
 A flight of legs: each leg's twin starts where the last one's stands, by the parameters `initial.*`: rotor angle and speed,
 user shaft, phase currents, current reference, filtered current, the controller's integral. Each counts its controller's
@@ -15,9 +15,11 @@ import numpy as np
 import xarray as xr
 
 from ema_fmu_src import ports
+from ema_fmu_src.fidelities import Fidelity
 from harness.errors import HarnessError
-from harness.fidelity import Fidelity, parse_fidelities
+from harness.fidelity import parse_fidelities
 from harness.flight.twin import Twin
+from harness.parameters import merged
 from harness.trials import Trial
 
 STATE = {
@@ -34,7 +36,7 @@ WATCHED = ("position", "motor_speed", "equivalent_current_filtered")
 
 
 @dataclass(frozen=True)
-class Plan:
+class Schedule:
     """Fidelities in order, and the times [s] at which each but the first takes over."""
 
     fidelities: tuple[Fidelity, ...]
@@ -50,16 +52,17 @@ class Plan:
 
 @dataclass(frozen=True)
 class Jump:
-    """What changed at a switch: at time `at` [s] from one fidelity to another, each variable of WATCHED in its unit."""
+    """What changed at a switch of `trial`, at time `at` [s], from one fidelity to another: each of WATCHED, in its unit."""
 
+    trial: str
     at: float
     before: str
     after: str
     values: dict[str, float]
 
 
-def parse_switch(text: str) -> Plan:
-    """A plan from text such as ELF+:HF@1.2 or HF:ELF+@0.6:HF@1.4; HarnessError for another text."""
+def parse_schedule(text: str) -> Schedule:
+    """A schedule from text such as ELF+:HF@1.2 or HF:ELF+@0.6:HF@1.4; HarnessError for another text."""
     first, *rest = text.split(":")
     wanted = f"--switch {text}: FIDELITY:FIDELITY@SECONDS is needed, such as ELF+:HF@1.2"
     if not rest or "@" in first:
@@ -76,45 +79,53 @@ def parse_switch(text: str) -> Plan:
         names.append(match[1])
     if times != sorted(set(times)) or times[0] <= 0.0:
         raise HarnessError(f"--switch {text}: the times must increase from above 0 s")
-    return Plan(tuple(parse_fidelities(name)[0] for name in names), tuple(times))
+    return Schedule(tuple(parse_fidelities(name)[0] for name in names), tuple(times))
 
 
 def fly(
-    plan: Plan,
+    schedule: Schedule,
     trial: Trial,
     *,
     fmus: Path,
     parameters: Mapping[str, float],
-    on_progress: Callable[[int], None] | None = None,
+    on_progress: Callable[[int], object] | None = None,
 ) -> tuple[xr.Dataset, list[Jump]]:
-    """Fly `trial` with one fidelity after another; the joined run, and what jumped at each switch.
+    """Fly `trial` with one fidelity after another, FMUs from the folder `fmus`; the joined run, and the jump at each switch.
 
-    HarnessError if a time of the plan lies outside the trial, or if a twin refuses something.
+    `on_progress` is that of `Twin.run`: a run that it stops ends there, with its attribute stopped True. HarnessError if a
+    time of the schedule lies outside the trial, or if a twin refuses something.
     """
-    places = [round((time - trial.start) / trial.step) for time in plan.times]
+    places = [round((time - trial.start) / trial.step) for time in schedule.times]
     if places[-1] >= len(trial.time) - 1:
-        raise HarnessError(f"--switch {plan.name}: {trial.name} ends at {trial.time[-1]:g} s, before the last switch")
+        raise HarnessError(f"--switch {schedule.name}: {trial.name} ends at {trial.time[-1]:g} s, before the last switch")
     bounds = [0, *places, len(trial.time) - 1]
     legs: list[xr.Dataset] = []
     jumps: list[Jump] = []
     state: dict[str, float] = {}
-    for fidelity, first, last in zip(plan.fidelities, bounds[:-1], bounds[1:], strict=True):
+    for fidelity, first, last in zip(schedule.fidelities, bounds[:-1], bounds[1:], strict=True):
         with Twin(fmus / fidelity.fmu) as twin:
-            settings = {**parameters, **fidelity.parameters, **state}
+            settings = merged(fidelity, parameters) | state
             leg = twin.run(_part(trial, first, last), settings, on_progress=on_progress)
             integral = twin.read("controller.integral")
         if legs:
             values = {name: float(leg[name][0]) - float(legs[-1][name][-1]) for name in WATCHED}
-            jumps.append(Jump(float(leg.time[0]), legs[-1].attrs["fidelity"], fidelity.name, values))
+            jumps.append(Jump(trial.name, float(leg.time[0]), legs[-1].attrs["fidelity"], fidelity.name, values))
         leg.attrs["fidelity"] = fidelity.name
         legs.append(leg)
+        if leg.attrs["stopped"]:
+            break
         state = {parameter: float(leg[output][-1]) for parameter, output in STATE.items()}
         state["initial.integral"] = _integral_after_lf(leg, parameters) if fidelity.name == "LF" else integral
     parts = [*(leg.isel(time=slice(None, -1)) for leg in legs[:-1]), legs[-1]]
     joined = xr.concat(parts, dim="time", combine_attrs="override")
-    joined = joined.assign_coords(time=("time", trial.time, {"units": "s"}))
-    walls = [float(leg.attrs["wall_s"]) for leg in legs]
-    joined.attrs |= {"fidelity": plan.name, "wall_s": sum(walls), "simulated_s": float(trial.time[-1] - trial.time[0])}
+    times = trial.time[: joined.sizes["time"]]
+    joined = joined.assign_coords(time=("time", times, {"units": "s"}))
+    joined.attrs |= {
+        "fidelity": schedule.name,
+        "wall_s": sum(float(leg.attrs["wall_s"]) for leg in legs),
+        "simulated_s": float(times[-1] - times[0]),
+        "stopped": legs[-1].attrs["stopped"],
+    }
     return joined, jumps
 
 

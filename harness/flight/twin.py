@@ -15,17 +15,8 @@ from harness.flight import fmufile, master
 from harness.flight.component import Component
 from harness.trials import Trial
 
-HELD = ("load_torque", "supply_voltage")
-"""Inputs that may stand among the parameters of a run: held where the trial gives none."""
-
-
-class Interrupted(KeyboardInterrupt):
-    """A run was stopped from the keyboard; `partial` holds what was computed until then, `done` the runs before it."""
-
-    def __init__(self, partial: xr.Dataset) -> None:
-        super().__init__()
-        self.partial = partial
-        self.done: dict[tuple[str, str], xr.Dataset] = {}
+CONSTANT_INPUTS = ("load_torque", "supply_voltage")
+"""Inputs that may stand among the parameters of a run: constant where the trial gives none."""
 
 
 class Twin(Component):
@@ -43,21 +34,18 @@ class Twin(Component):
         trial: Trial,
         parameters: Mapping[str, float] | None = None,
         *,
-        on_progress: Callable[[int], None] | None = None,
+        on_progress: Callable[[int], object] | None = None,
     ) -> xr.Dataset:
         """Fly `trial` with `parameters` (name -> value in the port's unit); every output over dimension time [s].
 
-        The inputs load_torque and supply_voltage may stand among the parameters: held where the trial gives none.
-        The dataset's variables carry units and long_name; its attributes the trial, the parameters, the FMU's hash,
-        wall_s (of the communication loop) and simulated_s. The command is there too.
+        The inputs load_torque and supply_voltage may stand among the parameters: constant where the trial gives none.
+        The dataset's variables carry units and long_name; the command is there too. Its attributes are the trial, the
+        parameters, the FMU's hash, wall_s (of the communication loop), simulated_s, and stopped. `on_progress(points)` is
+        called now and then; if it answers True, the run stops there, and the dataset ends there, with stopped True.
         """
         given = dict(parameters or {})
         outputs = sorted(ports.OUTPUTS, key=lambda port: port.kind == "Boolean")
-        try:
-            values, wall = self.record(trial, given, outputs, on_progress=on_progress)
-        except master.Stopped as stop:
-            raise Interrupted(self._dataset(trial, given, stop.outputs, 0.0, outputs)) from None
-        return self._dataset(trial, given, values, wall, outputs)
+        return self._dataset(trial, given, outputs, self._fly(trial, given, outputs, on_progress=on_progress))
 
     def record(
         self,
@@ -65,17 +53,30 @@ class Twin(Component):
         parameters: Mapping[str, float],
         outputs: Sequence[ports.Variable],
         *,
-        on_progress: Callable[[int], None] | None = None,
+        on_progress: Callable[[int], object] | None = None,
         into: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], float]:
-        """As `run`, but only some outputs (Reals first, then Booleans), as they come from the master, and the wall time [s].
+        """As `run`, but only `outputs` (Reals, then Integers, then Booleans) as they come from the master; wall time [s].
 
-        The outputs have the shape (n_steps + 1, len(outputs)); they are written into `into`, if it is given. For many runs:
-        it costs what the master costs.
+        The array has the shape (n_steps + 1, len(outputs)); it is `into`, if that is given. For many runs: it costs what the
+        master costs. KeyboardInterrupt if `on_progress` stops it: who needs many runs can do nothing with a part of one.
         """
-        inputs = _held(trial, parameters) | trial.inputs
-        fixed = {name: value for name, value in parameters.items() if name not in HELD}
-        reals = [port for port in outputs if port.kind == "Real"]
+        recording = self._fly(trial, parameters, outputs, on_progress=on_progress, into=into)
+        if recording.stopped:
+            raise KeyboardInterrupt
+        return recording.outputs, recording.wall
+
+    def _fly(
+        self,
+        trial: Trial,
+        parameters: Mapping[str, float],
+        outputs: Sequence[ports.Variable],
+        *,
+        on_progress: Callable[[int], object] | None,
+        into: NDArray[np.float64] | None = None,
+    ) -> master.Recording:
+        inputs = _constant_inputs(trial, parameters) | trial.inputs
+        fixed = {name: value for name, value in parameters.items() if name not in CONSTANT_INPUTS}
         slave = self.begin(fixed, {name: float(series[0]) for name, series in inputs.items()}, start=trial.start)
         try:
             return master.run(
@@ -83,33 +84,35 @@ class Twin(Component):
                 start=trial.start,
                 step=trial.step,
                 stimuli=self._stimuli(trial, inputs),
-                wanted=master.References(
-                    real=self._references(reals), boolean=self._references([port for port in outputs if port.kind != "Real"])
-                ),
+                wanted=self._value_references(outputs),
                 on_progress=on_progress,
                 into=into,
             )
         except (FMICallException, master.StepFailed) as error:
-            raise HarnessError(f"{self.path.name}, trial {trial.name}: {self.told() or error}") from None
+            raise HarnessError(f"{self.path.name}, trial {trial.name}: {self.take_messages() or error}") from None
 
-    def _references(self, variables: Sequence[ports.Variable]) -> list[int]:
-        return [self.variables[variable.name].valueReference for variable in variables]
+    def _value_references(self, variables: Sequence[ports.Variable]) -> master.ValueReferences:
+        real, integer, boolean = (
+            [self.value_reference(variable.name, kind) for variable in variables if variable.kind == kind]
+            for kind in ("Real", "Integer", "Boolean")
+        )
+        return master.ValueReferences(real, integer, boolean)
 
     def _stimuli(self, trial: Trial, inputs: Mapping[str, Any]) -> master.Stimuli:
         """The table of inputs; those that the trial says are continuous ramp, if the FMU interpolates."""
-        references = master.References(real=[self.variables[name].valueReference for name in inputs])
+        columns = master.ValueReferences(real=[self.value_reference(name) for name in inputs])
         interpolates = self.description.coSimulation.canInterpolateInputs
         ramps = [column for column, name in enumerate(inputs) if interpolates and name in trial.continuous]
-        return master.Stimuli(references, np.column_stack(list(inputs.values())), ramps)
+        return master.Stimuli(columns, np.column_stack(list(inputs.values())), ramps)
 
     def _dataset(
         self,
         trial: Trial,
         parameters: Mapping[str, float],
-        values: NDArray[np.float64],
-        wall: float,
         outputs: Sequence[ports.Variable],
+        recording: master.Recording,
     ) -> xr.Dataset:
+        values = recording.outputs
         command = trial.inputs["command"][: len(values)]
         data: dict[str, Any] = {"command": ("time", command, {"units": "rad", "long_name": "Commanded position"})}
         for column, port in enumerate(outputs):
@@ -124,11 +127,12 @@ class Twin(Component):
                 "fmu": self.path.name,
                 "fmu_sha256": self.fmu_hash,
                 "parameters": dict(parameters),
-                "wall_s": wall,
+                "wall_s": recording.wall,
                 "simulated_s": float(times[-1] - times[0]),
+                "stopped": recording.stopped,
             },
         )
 
 
-def _held(trial: Trial, parameters: Mapping[str, float]) -> dict[str, NDArray[np.float64]]:
-    return {name: np.full(len(trial.time), parameters[name]) for name in HELD if name in parameters}
+def _constant_inputs(trial: Trial, parameters: Mapping[str, float]) -> dict[str, NDArray[np.float64]]:
+    return {name: np.full(len(trial.time), parameters[name]) for name in CONSTANT_INPUTS if name in parameters}

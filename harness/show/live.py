@@ -10,24 +10,29 @@ from typing import Any
 import plotly.graph_objects as go
 import xarray as xr
 from dash import ALL, Dash, Input, Output, State, ctx, dcc, html, no_update
-from plotly.subplots import make_subplots
 from werkzeug.serving import make_server
 
 from ema_fmu_src import ports
+from ema_fmu_src.fidelities import FIDELITIES, MODELS, REFERENCE, SURROGATE, highest
 from harness.comparison import FIGURES, compare, percent
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED
-from harness.fidelity import FIDELITIES
+from harness.fidelity import file_stem
 from harness.files import results
 from harness.flight.twin import Twin
+from harness.parameters import merged
+from harness.show.curves import COMMAND, curve, lines_of, rows, stride
 from harness.show.page import LAYOUT
-from harness.show.report import COLOURS
 from harness.trials import BUILT_IN, trial
+
+LOWER = [name for name in FIDELITIES if name != REFERENCE.name]
+"""Fidelities that are flown at every movement of a slider; the reference, which takes longer, only on demand."""
+SHOWN_FIRST = [highest(name for name in LOWER if FIDELITIES[name].model == model) for model in MODELS
+               if model != REFERENCE.model]  # fmt: skip
+"""Of these, the highest of each model."""
 
 SLIDERS = {parameter.port: parameter.slider for parameter in ESTIMATED.values()}
 """Port of each fault -> lowest and highest value, and step, of its slider."""
-STRIDE = 10
-"""Every so many points are drawn."""
 
 
 class Fleet:
@@ -46,7 +51,7 @@ class Fleet:
                 chosen = FIDELITIES[fidelity]
                 if chosen.fmu not in self._twins:
                     self._twins[chosen.fmu] = Twin(self.fmus / chosen.fmu)
-                run = self._twins[chosen.fmu].run(trial(name), {**chosen.parameters, **faults})
+                run = self._twins[chosen.fmu].run(trial(name), merged(chosen, faults))
                 run.attrs["fidelity"] = fidelity
                 runs[fidelity] = run
         return runs
@@ -61,31 +66,23 @@ class Fleet:
 
 def command(name: str, fidelities: Sequence[str], faults: Mapping[str, float]) -> str:
     """The command line that flies what is shown."""
-    reference = _reference(fidelities)
+    reference = highest(fidelities)
     settings = [part for fault, value in faults.items() for part in ("--set", f"{fault}={value:g}")]
     return shlex.join(["ema", "run", name, "--fidelity", ",".join(fidelities), "--reference", reference, *settings])
 
 
-def _reference(fidelities: Sequence[str]) -> str:
-    """What the others are compared with: the highest fidelity shown."""
-    return next(fidelity for fidelity in ("HF", "ELF+", "ELF", "LF") if fidelity in fidelities)
-
-
 def figure(runs: Mapping[str, xr.Dataset]) -> go.Figure:
     """Position, speed and current of each fidelity over time."""
-    drawn = make_subplots(rows=len(FIGURES), cols=1, shared_xaxes=True, vertical_spacing=0.04)
+    drawn = rows([title for _, title in FIGURES], spacing=0.04)
+    lines = lines_of(runs)
     first = next(iter(runs.values()))
-    time = first.time.values[::STRIDE]
-    drawn.add_scatter(
-        x=time, y=first.command.values[::STRIDE], name="command", line={"color": "#888", "dash": "dot"}, row=1, col=1
-    )
-    for row, (variable, title) in enumerate(FIGURES, start=1):
+    every = stride(first.sizes["time"])
+    time = first.time.values[::every]
+    drawn.add_trace(curve("command", COMMAND, (time, first.command.values[::every])), row=1, col=1)
+    for row, (variable, _) in enumerate(FIGURES, start=1):
         for fidelity, run in runs.items():
-            drawn.add_scatter(
-                x=time, y=run[variable].values[::STRIDE], name=fidelity, legendgroup=fidelity, showlegend=row == 1,
-                line={"color": COLOURS[fidelity]}, row=row, col=1,
-            )  # fmt: skip
-        drawn.update_yaxes(title_text=title, row=row, col=1)
+            points = (time, run[variable].values[::every])
+            drawn.add_trace(curve(fidelity, lines[fidelity], points, legend=row == 1), row=row, col=1)
     drawn.update_xaxes(title_text="Time [s]", row=len(FIGURES), col=1)
     drawn.update_layout(**LAYOUT, height=760, uirevision="kept", template="plotly_white")
     return drawn
@@ -93,17 +90,17 @@ def figure(runs: Mapping[str, xr.Dataset]) -> go.Figure:
 
 def errors(runs: Mapping[str, xr.Dataset]) -> list[Any]:
     """A table of errors against the highest fidelity shown."""
-    reference = _reference(list(runs))
+    reference = highest(runs)
     head = html.Tr([html.Th(text) for text in ("Fidelity", *(title for _, title in FIGURES), "ms")])
-    rows = []
+    body = []
     for fidelity, run in runs.items():
         found = compare(run, runs[reference], names=(fidelity, reference)) if fidelity != reference else []
         items = {item.variable: item for item in found}
         cells = [html.Td(percent(items.get(variable))) for variable, _ in FIGURES]
-        rows.append(html.Tr([html.Td(fidelity), *cells, html.Td(f"{1e3 * run.attrs['wall_s']:.1f}")]))
+        body.append(html.Tr([html.Td(fidelity), *cells, html.Td(f"{1e3 * run.attrs['wall_s']:.1f}")]))
     style = {"borderSpacing": "1.2rem .3rem", "textAlign": "left"}
     return [
-        html.Table([html.Caption(f"Errors (NRMSE) against {reference}, and wall time of the run"), head, *rows], style=style)
+        html.Table([html.Caption(f"Errors (NRMSE) against {reference}, and wall time of the run"), head, *body], style=style)
     ]
 
 
@@ -112,18 +109,20 @@ def app(fleet: Fleet) -> Dash:
     made = Dash(__name__, title="EMA twins, live", update_title="")
     made.layout = _layout()
 
-    def chosen(fidelities: Sequence[str], hf: Sequence[str]) -> list[str]:
-        return [*hf, *(fidelity for fidelity in FIDELITIES if fidelity in fidelities)] or ["ELF+"]
+    def chosen(lower: Sequence[str], reference: Sequence[str]) -> list[str]:
+        return [name for name in FIDELITIES if name in (*reference, *lower)] or [SURROGATE.name]
 
-    def healthy(values: Sequence[float]) -> dict[str, float]:
+    def moved(values: Sequence[float]) -> dict[str, float]:
         starts = {variable.name: variable.start for variable in ports.FAULTS}
         return {name: value for name, value in zip(SLIDERS, values, strict=True) if value != starts[name]}
 
-    shown = (Input("trial", "value"), Input("fidelities", "value"), Input("hf", "value"), Input({"fault": ALL}, "value"))
+    shown = (
+        Input("trial", "value"), Input("lower", "value"), Input("reference", "value"), Input({"fault": ALL}, "value")
+    )  # fmt: skip
 
     @made.callback(Output("figure", "figure"), Output("errors", "children"), Output("command", "children"), *shown)
-    def draw(name: str, fidelities: list[str], hf: list[str], values: list[float]) -> Any:
-        names, faults = chosen(fidelities, hf), healthy(values)
+    def draw(name: str, lower: list[str], reference: list[str], values: list[float]) -> Any:
+        names, faults = chosen(lower, reference), moved(values)
         try:
             runs = fleet.fly(name, names, faults)
         except HarnessError as error:
@@ -135,12 +134,12 @@ def app(fleet: Fleet) -> Dash:
     @made.callback(
         Output("download", "data"), Input("csv", "n_clicks"), Input("fmu", "n_clicks"), *states, prevent_initial_call=True
     )
-    def download(_csv: int, _fmu: int, name: str, fidelities: list[str], hf: list[str], values: list[float]) -> Any:
-        fidelity = _reference(chosen(fidelities, hf))
+    def download(_csv: int, _fmu: int, name: str, lower: list[str], reference: list[str], values: list[float]) -> Any:
+        fidelity = highest(chosen(lower, reference))
         if ctx.triggered_id == "fmu":
             return dcc.send_file(str(fleet.fmus / FIDELITIES[fidelity].fmu))
-        run = fleet.fly(name, [fidelity], healthy(values))[fidelity]
-        return {"content": results.trajectory_csv(run), "filename": f"{name}_{fidelity.replace('+', 'plus')}.csv"}
+        run = fleet.fly(name, [fidelity], moved(values))[fidelity]
+        return {"content": results.trajectory_csv(run), "filename": f"{name}_{file_stem(fidelity)}.csv"}
 
     return made
 
@@ -161,8 +160,8 @@ def _layout() -> Any:
             html.Label("Trial", htmlFor="trial"),
             dcc.Dropdown(list(BUILT_IN), "SIN4", id="trial", clearable=False),
             html.Label("Fidelities"),
-            dcc.Checklist(["ELF", "ELF+", "LF"], ["ELF+", "LF"], id="fidelities", inline=True),
-            dcc.Checklist([{"label": "HF too (30 ms)", "value": "HF"}], [], id="hf"),
+            dcc.Checklist(LOWER, SHOWN_FIRST, id="lower", inline=True),
+            dcc.Checklist([{"label": f"{REFERENCE.name} too (slower)", "value": REFERENCE.name}], [], id="reference"),
             *sliders,
             html.Button("Download CSV", id="csv"),
             html.Button("Download FMU", id="fmu"),

@@ -3,34 +3,29 @@
 import html
 from collections.abc import Mapping
 
-import numpy as np
 import plotly.graph_objects as go
-import xarray as xr
-from plotly.subplots import make_subplots
 
+from ema_fmu_src.fidelities import FIDELITIES
+from harness.budgets import Budgets
 from harness.comparison import FIGURES, Comparison, percent
 from harness.flight.experiment import Experiment
+from harness.show.curves import COMMAND, Line, curve, intervals, lines_of, rows, shade, thinned
 from harness.show.page import LAYOUT, document, drawn, origin
 
 INSTANTANEOUS = "equivalent_current"
-"""Drawn under the filtered current, hidden until its name in the legend is pressed."""
-COLOURS = {"command": "#888888", "HF": "#1f6fd6", "ELF": "#d65a1f", "ELF+": "#16935b", "LF": "#9a4fc2"}
-DASHES = {"command": "dot", "HF": "solid", "ELF": "dash", "ELF+": "dash", "LF": "dashdot"}
-MOST_POINTS = 2501
-"""Points drawn of each curve; more cannot be told apart and make the page heavy."""
-
-Budgets = Mapping[str, Mapping[str, Mapping[str, float]]]
-"""Trial -> fidelity -> variable -> NRMSE allowed (harness/check.py)."""
+"""Drawn in the row of the filtered current, hidden until its name in the legend is pressed."""
 
 
 def page(experiment: Experiment, *, parameters: Mapping[str, float], command: str, budgets: Budgets | None = None) -> str:
-    """The page as HTML text, with everything it needs inside it; errors are held against `budgets` where there are any.
+    """The page as HTML text, with everything it needs inside it; errors are judged by `budgets` where there are any.
 
     `parameters` are those that were set for all runs; `command` is the command line that makes the page again.
     """
     trials = list(dict.fromkeys(trial for trial, _ in experiment.runs))
+    lines = lines_of(fidelity for _, fidelity in experiment.runs)
     sections = "".join(
-        f"<section><h2>{html.escape(trial)}</h2>{drawn(_figure(trial, experiment), _spoken(trial, experiment))}</section>"
+        f"<section><h2>{html.escape(trial)}</h2>{drawn(_figure(trial, experiment, lines), _spoken(trial, experiment))}"
+        "</section>"
         for trial in trials
     )
     settings = ", ".join(f"{name} = {value:g}" for name, value in parameters.items()) or "all at their defaults"
@@ -41,7 +36,7 @@ def page(experiment: Experiment, *, parameters: Mapping[str, float], command: st
         f"<p>Every fidelity flown as an FMU and compared with {experiment.reference}. "
         "NRMSE is the rms difference over the range of the reference.</p>"
         f'<div class="scroll" tabindex="0">{_table(experiment, trials, budgets or {})}</div>'
-        f"<section><h2>Error against cost</h2>{drawn(_cost(experiment), cost, 'low')}</section>"
+        f"<section><h2>Error against cost</h2>{drawn(_cost(experiment, lines), cost, 'low')}</section>"
         f"{sections}{origin(command, f'; FMUs: {html.escape(_hashes(experiment))}; parameters: {html.escape(settings)}')}",
     )
 
@@ -57,8 +52,8 @@ def _budget(budgets: Budgets, item: Comparison) -> float | None:
 
 def _verdict(experiment: Experiment, budgets: Budgets) -> str:
     """One sentence on how the errors stand against their budgets."""
-    held = [(item, _budget(budgets, item)) for item in experiment.comparisons]
-    judged = [(item, budget) for item, budget in held if budget is not None]
+    known = [(item, _budget(budgets, item)) for item in experiment.comparisons]
+    judged = [(item, budget) for item, budget in known if budget is not None]
     outside = [item for item, budget in judged if item.nrmse is None or item.nrmse > budget]
     failed = "".join(f'<p class="verdict over">{html.escape(line)}</p>' for line in experiment.failures)
     if not judged:
@@ -66,8 +61,8 @@ def _verdict(experiment: Experiment, budgets: Budgets) -> str:
     if not outside:
         return f'{failed}<p class="verdict ok">All {len(judged)} errors with a budget are within it.</p>'
     names = html.escape(", ".join(f"{item.trial} {item.candidate} {item.variable}" for item in outside))
-    told = f"{len(outside)} of {len(judged)} errors exceed their budget: {names}."
-    return f'{failed}<p class="verdict over">{told}</p>'
+    outcome = f"{len(outside)} of {len(judged)} errors exceed their budget: {names}."
+    return f'{failed}<p class="verdict over">{outcome}</p>'
 
 
 def _cell(item: Comparison | None, budgets: Budgets) -> str:
@@ -76,27 +71,29 @@ def _cell(item: Comparison | None, budgets: Budgets) -> str:
     if item is None or item.nrmse is None or budget is None:
         return f"<td>{percent(item)}</td>"
     kind, mark = ("over", "!") if item.nrmse > budget else ("near", "") if item.nrmse > 0.7 * budget else ("ok", "")
-    told = f"budget {100.0 * budget:.4f} %"
-    return f'<td class="{kind}" title="{told}">{mark} {percent(item)} <small>of {100.0 * budget:.3g} %</small></td>'
+    title = f"budget {100.0 * budget:.4f} %"
+    return f'<td class="{kind}" title="{title}">{mark} {percent(item)} <small>of {100.0 * budget:.3g} %</small></td>'
 
 
 def _table(experiment: Experiment, trials: list[str], budgets: Budgets) -> str:
-    rows = []
+    body = []
     for (trial, fidelity), run in sorted(experiment.runs.items(), key=lambda entry: trials.index(entry[0][0])):
         errors = experiment.errors_of(trial, fidelity)
         cells = "".join(_cell(errors.get(name), budgets) for name, _ in FIGURES)
         wall = run.attrs["wall_s"] / run.attrs["simulated_s"]
-        head = f'<th scope="row">{html.escape(trial)}</th><td>{html.escape(fidelity)}</td>'
-        rows.append(f"<tr>{head}{cells}<td>{wall:.4f}</td></tr>")
+        title = html.escape(FIDELITIES[fidelity].title) if fidelity in FIDELITIES else ""
+        head = f'<th scope="row">{html.escape(trial)}</th><td title="{title}">{html.escape(fidelity)}</td>'
+        body.append(f"<tr>{head}{cells}<td>{wall:.4f}</td></tr>")
     heads = ("Trial", "Fidelity", "Position", "Motor speed", "Current, filtered", "Wall s / s")
     return (
         "<table><caption>Errors (NRMSE, of their budget where there is one) and wall seconds per simulated second"
         f"</caption><thead><tr>{''.join(f'<th scope=col>{head}</th>' for head in heads)}</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table>"
+        f"<tbody>{''.join(body)}</tbody></table>"
     )
 
 
-def _cost(experiment: Experiment) -> go.Figure:
+def _cost(experiment: Experiment, lines: Mapping[str, Line]) -> go.Figure:
+    """Error of position against wall time, a mark for each run."""
     figure = go.Figure()
     names = dict.fromkeys(fidelity for _, fidelity in experiment.runs if fidelity != experiment.reference)
     for name in names:
@@ -109,7 +106,7 @@ def _cost(experiment: Experiment) -> go.Figure:
             mode="markers+text",
             textposition="middle right",
             name=name,
-            marker={"size": 11, "color": COLOURS.get(name)},
+            marker={"size": 11, "color": lines[name].colour},
         )
     figure.update_xaxes(type="log", title="wall s / simulated s")
     figure.update_yaxes(type="log", title="error of position [%]")
@@ -118,61 +115,37 @@ def _cost(experiment: Experiment) -> go.Figure:
 
 
 def _spoken(trial: str, experiment: Experiment) -> str:
-    told = [
+    errors = [
         f"{item.candidate} {percent(item)}"
         for item in experiment.comparisons
         if item.trial == trial and item.variable == "position"
     ]
-    return f"{trial}: position, motor speed and current over time. Position error: {', '.join(told) or 'none'}."
+    return f"{trial}: position, motor speed and current over time. Position error: {', '.join(errors) or 'none'}."
 
 
-def _saturated(run: xr.DataArray) -> list[tuple[float, float]]:
-    """Intervals of time [s] in which the flag is up."""
-    up = np.concatenate([[False], run.values.astype(bool), [False]])
-    edges = np.flatnonzero(np.diff(up.astype(int)))
-    times = run.time.values
-    return [(float(times[first]), float(times[last - 1])) for first, last in edges.reshape(-1, 2)]
-
-
-def _figure(trial: str, experiment: Experiment) -> go.Figure:
+def _figure(trial: str, experiment: Experiment, lines: Mapping[str, Line]) -> go.Figure:
     """Each quantity, with the residuals against the reference under it; the reference's saturated intervals shaded."""
-    heights = [0.72, 0.28] * len(FIGURES)
-    figure = make_subplots(
-        rows=2 * len(FIGURES), cols=1, shared_xaxes=True, vertical_spacing=0.025, row_heights=[h / 3.0 for h in heights]
-    )
+    figure = rows([title for _, title in FIGURES], residuals=0.28)
     flown = [(fidelity, run) for (name, fidelity), run in experiment.runs.items() if name == trial]
     reference = experiment.runs[trial, experiment.reference]
-    for place, (variable, title) in enumerate(FIGURES):
-        row = 2 * place + 1
-        curves = [("command", reference["command"])] if place == 0 else []
-        curves += [(fidelity, run[variable]) for fidelity, run in flown]
-        for name, values in curves:
-            figure.add_trace(_curve(name, values, showlegend=place == 0), row=row, col=1)
+    time = reference.time.values
+    command = curve("command", COMMAND, thinned(time, reference["command"].values))
+    figure.add_trace(command, row=1, col=1)
+    for place, (variable, _) in enumerate(FIGURES):
+        for fidelity, run in flown:
+            points = thinned(run.time.values, run[variable].values)
+            drawing = curve(fidelity, lines[fidelity], points, legend=place == 0)
+            figure.add_trace(drawing, row=2 * place + 1, col=1)
         for fidelity, run in flown:
             if fidelity != experiment.reference:
-                figure.add_trace(_curve(fidelity, run[variable] - reference[variable], showlegend=False), row=row + 1, col=1)
-        figure.update_yaxes(title_text=title, row=row, col=1)
-        figure.update_yaxes(title_text="residual", row=row + 1, col=1)
+                residual = run[variable] - reference[variable]
+                points = thinned(residual.time.values, residual.values)
+                figure.add_trace(curve(fidelity, lines[fidelity], points, legend=False), row=2 * place + 2, col=1)
     for fidelity, run in flown:
-        curve = _curve(fidelity, run[INSTANTANEOUS])
-        curve.update(name=f"{fidelity} instantaneous", legendgroup=None, visible="legendonly", opacity=0.5)
-        figure.add_trace(curve, row=2 * len(FIGURES) - 1, col=1)
-    shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below", "line": {"width": 0}}
-    spans = _saturated(reference["voltage_saturated"])
-    figure.update_layout(shapes=[shade | {"x0": x0, "x1": x1, "fillcolor": "rgba(214,150,31,.16)"} for x0, x1 in spans])
+        instantaneous = curve(fidelity, lines[fidelity], thinned(run.time.values, run[INSTANTANEOUS].values))
+        instantaneous.update(name=f"{fidelity} instantaneous", legendgroup=None, visible="legendonly", opacity=0.5)
+        figure.add_trace(instantaneous, row=2 * len(FIGURES) - 1, col=1)
+    shade(figure, intervals(time, reference["voltage_saturated"].values), "rgba(214,150,31,.16)")
     figure.update_xaxes(title_text="Time [s] (shaded: voltage-limited)", row=2 * len(FIGURES), col=1)
     figure.update_layout(**LAYOUT, hovermode="x unified")
     return figure
-
-
-def _curve(name: str, values: xr.DataArray, *, showlegend: bool = True) -> go.Scatter:
-    stride = max(1, -(-values.size // MOST_POINTS))
-    return go.Scatter(
-        x=np.round(values.time.values[::stride], 6).tolist(),
-        y=[float(f"{value:.6g}") for value in values.values[::stride]],
-        name=name,
-        legendgroup=name,
-        showlegend=showlegend,
-        mode="lines",
-        line={"width": 1.6, "color": COLOURS.get(name), "dash": DASHES.get(name, "dash")},
-    )

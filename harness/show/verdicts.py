@@ -1,0 +1,39 @@
+"""The verdicts of `ema check` for a CI server: JUnit XML and Markdown."""
+
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from harness.budgets import Verdict
+
+
+def junit(verdicts: Sequence[Verdict]) -> str:
+    """JUnit XML: a test case for each verdict."""
+    failed = [verdict for verdict in verdicts if not verdict.passed]
+    suite = Element("testsuite", name="ema check", tests=str(len(verdicts)), failures=str(len(failed)))
+    for verdict in verdicts:
+        case = SubElement(suite, "testcase", classname=f"{verdict.trial}.{verdict.fidelity}", name=verdict.variable)
+        if not verdict.passed:
+            SubElement(case, "failure", message=verdict.line)
+    indent(suite)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(suite).decode() + "\n"
+
+
+def markdown(verdicts: Sequence[Verdict]) -> str:
+    """A summary for the page of a job; what is outside comes first."""
+    failed = [verdict for verdict in verdicts if not verdict.passed]
+    head = f"**{len(failed)} of {len(verdicts)} budgets exceeded**" if failed else f"**All {len(verdicts)} budgets kept**"
+    lines = [
+        "## Fidelities against the reference",
+        "",
+        head,
+        "",
+        "| | trial | fidelity | variable | NRMSE | budget | left the tube |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for verdict in sorted(verdicts, key=lambda verdict: verdict.passed):
+        found = verdict.failure or ("-" if verdict.found is None else f"{100.0 * verdict.found:.4f} %")
+        left = "" if verdict.left is None else f"{verdict.left:.4f} s"
+        mark = "ok" if verdict.passed else "**outside**"
+        cells = (mark, verdict.trial, verdict.fidelity, verdict.variable, found, f"{100.0 * verdict.budget:.4f} %", left)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
