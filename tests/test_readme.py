@@ -74,7 +74,7 @@ def invocations(page: Path) -> Iterator[tuple[list[str], bool]]:
             for command in re.findall(r"(?<![\w/])(?:\.venv/bin/)?ema ([^&|;#\n]+)", block.text):
                 yield shlex.split(command), True
     for span in spans(page):
-        if span.startswith("ema ") and not span.startswith(("ema --help", "ema COMMAND")):
+        if span.startswith("ema ") and not span.startswith(("ema --", "ema COMMAND")):
             yield shlex.split(span)[1:], False
 
 
