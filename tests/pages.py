@@ -8,7 +8,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("ema_fmu_src", "fmus", "harness", "tests")
 PAGES = sorted([*ROOT.glob("*.md"), *(page for name in PACKAGES for page in (ROOT / name).rglob("*.md"))])
 BLOCK = re.compile(r"(?:^<!-- ([^\n]+) -->\n)?^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-SPAN = re.compile(r"(?<!\$)`([^`\n]+)`(?!\$)")
+SPAN = re.compile(r"`([^`\n]+)`")
+MATHS = re.compile(r"\$`[^`]+`\$")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
@@ -31,8 +32,8 @@ def prose(page: Path) -> str:
 
 
 def spans(page: Path) -> list[str]:
-    """What stands as code in the text (mathematics is none)."""
-    return SPAN.findall(prose(page))
+    """What stands as code in the text; mathematics is none."""
+    return SPAN.findall(MATHS.sub("", prose(page)))
 
 
 def links(page: Path) -> list[str]:

@@ -62,9 +62,9 @@ def test_a_readme_names_what_lies_beside_it(readme: Path) -> None:
     named = {*spans(readme), *(link.removesuffix("README.md") for link in links(readme))}
     for path in readme.parent.iterdir():
         if path.suffix in (".py", ".c", ".h", ".sh") and path.name != "__init__.py":
-            assert path.name in named
+            assert path.name in named, path.name
         elif path.is_dir() and any(path.glob("*.py")):
-            assert f"{path.name}/" in named
+            assert any(name.startswith(f"{path.name}/") for name in named), path.name
 
 
 def invocations(page: Path) -> Iterator[tuple[list[str], bool]]:
