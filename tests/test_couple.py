@@ -1,49 +1,23 @@
 """Coupled FMUs: an EMA against a spring-damper load, which is an FMU that pythonfmu made."""
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import spring
 from flight import Flight
-from pythonfmu.builder import FmuBuilder
+from spring import STIFFNESS, TAU
 
 from harness.errors import HarnessError
 from harness.flight.couple import Connection, System, fly
 
-STIFFNESS, TAU, INNER = 200.0, 5e-3, 2e-6  # N.m/rad, s, s
-LOAD = '''
-import math
-from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
-
-
-class Load(Fmi2Slave):
-    """A spring in series with a damper: dT/dt = (stiffness*position - T)/tau, exact for a held position."""
-
-    def __init__(self, **kwargs):
-        super().__init__(**kwargs)
-        self.position = 0.0
-        self.torque = 0.0
-        self.register_variable(Real("position", causality=Fmi2Causality.input, start=0.0))
-        self.register_variable(Real("torque", causality=Fmi2Causality.output))
-
-    def do_step(self, current_time, step_size):
-        self.torque += (STIFFNESS * self.position - self.torque) * (1.0 - math.exp(-step_size / TAU))
-        return True
-'''
+INNER = 2e-6  # s
 
 
 @pytest.fixture(scope="module")
 def load(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("load")
-    script = folder / "load_fmu.py"
-    script.write_text(LOAD.replace("STIFFNESS", str(STIFFNESS)).replace("TAU", str(TAU)))
-    search_path = list(sys.path)
-    try:
-        return Path(FmuBuilder.build_FMU(script, dest=folder))
-    finally:
-        sys.path[:] = search_path
+    return spring.build(tmp_path_factory.mktemp("load"))
 
 
 def system(fmus: dict[str, Path], load: Path) -> System:
