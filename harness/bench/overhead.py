@@ -19,6 +19,7 @@ from ema_fmu_src import ports
 from harness.fidelity import FIDELITIES
 from harness.flight import calls, master
 from harness.flight.twin import Twin
+from harness.parameters import merged
 
 STEPS, STEP = 5000, 1e-4
 OUTPUTS = [port.name for port in ports.OUTPUTS if port.kind == "Real"]
@@ -71,14 +72,14 @@ def measure(fmus: Path, fidelity: str, *, repeats: int = 5) -> Overhead:
     Times are medians of `repeats` runs.
     """
     chosen = FIDELITIES[fidelity]
-    start: dict[str, Any] = {"command": 0.1, **chosen.parameters}
+    start: dict[str, Any] = {"command": 0.1, **merged(chosen)}
     with Twin(fmus / chosen.fmu) as twin:
         command = master.Stimuli(master.ValueReferences(real=[ports.INDEX["command"]]), np.full((STEPS + 1, 1), 0.1))
         wanted = master.ValueReferences(real=[ports.INDEX[name] for name in OUTPUTS])
         recorded: list[np.ndarray] = []
 
         def ours() -> float:
-            slave = twin.begin(chosen.parameters, {"command": 0.1})
+            slave = twin.begin(merged(chosen), {"command": 0.1})
             run = master.run(slave, start=0.0, step=STEP, stimuli=command, wanted=wanted)
             recorded.append(run.outputs)
             return run.wall / STEPS

@@ -11,6 +11,7 @@ import xarray as xr
 from harness.comparison import compare
 from harness.fidelity import FIDELITIES
 from harness.flight.twin import Twin
+from harness.parameters import merged
 from harness.trials import BUILT_IN, PAPER, trial
 
 VARIABLES = ("position", "motor_speed", "equivalent_current_filtered")
@@ -106,7 +107,7 @@ def measure(
         def fly(name: str, mode: str, also: Mapping[str, float] = {}) -> xr.Dataset:
             on_run(f"{name} {mode}")
             fidelity, parameters = MODES[mode]
-            return twins[fidelity].run(trial(name), {**FIDELITIES[fidelity].parameters, **parameters, **also})
+            return twins[fidelity].run(trial(name), merged(FIDELITIES[fidelity], {**parameters, **also}))
 
         for name in trials:
             reference = None

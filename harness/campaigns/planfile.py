@@ -1,6 +1,5 @@
 """A plan from a TOML file and from options: every value is checked, and an error names the place of what cannot be flown."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from harness.campaigns.plan import OUTPUTS, RATE, SAMPLINGS, Noise, Plan
 from harness.errors import HarnessError, unknown
 from harness.fidelity import parse_fidelities
 from harness.files.columns import read_numbers
+from harness.files.toml import read_toml
 from harness.parameters import check_value, settable
 from harness.trials import Trial, trial
 
@@ -78,12 +78,7 @@ def _check(plan: Plan, where: Mapping[str, str]) -> None:
 
 
 def _toml(path: Path) -> dict[str, Any]:
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise HarnessError(f"{path}: cannot be read: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise HarnessError(f"{path}: is not TOML: {error}") from None
+    given = read_toml(path)
     for key in given:
         if key not in KEYS:
             raise unknown(f"key in {path}:", key, KEYS)

@@ -20,6 +20,7 @@ from harness.campaigns.plan import Noise
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
 from harness.flight.twin import Twin
+from harness.parameters import merged
 from harness.trials import Trial
 
 Array = NDArray[np.float64]
@@ -130,7 +131,7 @@ def _fly_case(
     recorded = _recorded(shared.outputs)
     twin = _twin(fidelity.fmu, *shared.fmus[fidelity.fmu])
     buffer = _buffer((len(trial.inputs["command"]), len(recorded)))
-    run, wall = twin.record(trial, parameters | fidelity.parameters, recorded, into=buffer)
+    run, wall = twin.record(trial, merged(fidelity, parameters), recorded, into=buffer)
     columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
     at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in columns.items()}
     kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])

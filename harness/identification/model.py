@@ -13,6 +13,7 @@ from harness.fidelity import Fidelity
 from harness.flight.twin import Twin
 from harness.identification import coordinates
 from harness.identification.measured import Measured
+from harness.parameters import merged
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ class Model:
     def __init__(self, fmus: Path, fidelity: Fidelity, measured: Measured, parameters: Mapping[str, float]) -> None:
         self.evaluations = 0
         self._measured = measured
-        self._parameters = {**measured.initial, **parameters, **fidelity.parameters}
+        self._parameters = merged(fidelity, {**measured.initial, **parameters})
         self._outputs = [port for port in ports.OUTPUTS if port.name in measured.channels]
         self._columns = [[port.name for port in self._outputs].index(name) for name in measured.channels]
         trial = measured.trial

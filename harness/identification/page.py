@@ -2,20 +2,17 @@
 
 import html
 
-import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from ema_fmu_src import ports
 from harness.identification.diagnosis import Diagnosis
 from harness.identification.estimates import Estimate
 from harness.identification.measured import Measured
+from harness.show.curves import Line, curve, intervals, shade, thinned
+from harness.show.curves import rows as rows_of
 from harness.show.page import LAYOUT, document, drawn, origin, table
 
-MOST_POINTS = 2501
-"""Most points drawn of each curve; more cannot be seen and make the page heavy."""
-COLOURS = {"measured": "#888888", "healthy": "#16935b", "identified": "#1f6fd6"}
+LINES = {"measured": Line("#888888", width=1.0, opacity=0.7), "healthy": Line("#16935b"), "identified": Line("#1f6fd6")}
 HEADS = ("Fault", "Estimate", "95 % interval", "Health", "")
 
 
@@ -58,43 +55,19 @@ def _row(item: Estimate) -> tuple[str, ...]:
 def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
     """Each channel with the residuals of the healthy and the identified model under it; rows without weight are shaded."""
     names = list(measured.channels)
-    heights = [0.68, 0.32] * len(names)
-    drawing = make_subplots(
-        rows=2 * len(names),
-        cols=1,
-        shared_xaxes=True,
-        vertical_spacing=0.025,
-        row_heights=[height / len(names) for height in heights],
-    )
-    stride = max(1, -(-len(measured.time) // MOST_POINTS))
-    time = np.round(measured.time[::stride], 6).tolist()
+    units = [ports.VARIABLES[ports.INDEX[name]].unit for name in names]
+    titles = [f"{name}<br>[{unit}]" for name, unit in zip(names, units, strict=True)]
+    drawing = rows_of(titles, residuals=0.32, size=11)
     for place, name in enumerate(names):
         data, row = measured.values[:, place], 2 * place + 1
-        unit = ports.VARIABLES[ports.INDEX[name]].unit
         models = {"healthy": diagnosis.fit.healthy[:, place], "identified": diagnosis.fit.predicted[:, place]}
         for label, values in {"measured": data, **models}.items():
-            drawing.add_trace(_curve(label, time, values[::stride], legend=place == 0), row=row, col=1)
+            points = thinned(measured.time, values)
+            drawing.add_trace(curve(label, LINES[label], points, legend=place == 0), row=row, col=1)
         for label, values in models.items():
-            drawing.add_trace(_curve(label, time, (data - values)[::stride], legend=False), row=row + 1, col=1)
-        drawing.update_yaxes(title_text=f"{name}<br>[{unit}]", title_font_size=11, row=row, col=1)
-        drawing.update_yaxes(title_text="residual", title_font_size=11, row=row + 1, col=1)
-    edges = np.flatnonzero(np.diff(np.r_[False, ~measured.informative, False].astype(int))).reshape(-1, 2)
-    shade = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below", "line": {"width": 0}}
-    spans = [(float(measured.time[first]), float(measured.time[last - 1])) for first, last in edges]
-    drawing.update_layout(shapes=[shade | {"x0": x0, "x1": x1, "fillcolor": "rgba(128,128,128,.16)"} for x0, x1 in spans])
+            points = thinned(measured.time, data - values)
+            drawing.add_trace(curve(label, LINES[label], points, legend=False), row=row + 1, col=1)
+    shade(drawing, intervals(measured.time, ~measured.informative), "rgba(128,128,128,.16)")
     drawing.update_xaxes(title_text="Time [s] (shaded: at rest or settling, carries no weight)", row=2 * len(names), col=1)
     drawing.update_layout(**LAYOUT, hovermode="x unified")
     return drawing
-
-
-def _curve(name: str, time: list[float], values: NDArray[np.float64], *, legend: bool) -> go.Scatter:
-    return go.Scatter(
-        x=time,
-        y=[float(f"{value:.6g}") for value in values],
-        name=name,
-        legendgroup=name,
-        showlegend=legend,
-        mode="lines",
-        opacity=0.7 if name == "measured" else 1.0,
-        line={"width": 1.0 if name == "measured" else 1.6, "color": COLOURS[name]},
-    )
