@@ -58,7 +58,7 @@ def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
     units = [ports.VARIABLES[ports.INDEX[name]].unit for name in names]
     titles = [f"{name}<br>[{unit}]" for name, unit in zip(names, units, strict=True)]
     drawing = rows_of(titles, residuals=0.32, size=11)
-    for place, name in enumerate(names):
+    for place in range(len(names)):
         data, row = measured.values[:, place], 2 * place + 1
         models = {"healthy": diagnosis.fit.healthy[:, place], "identified": diagnosis.fit.predicted[:, place]}
         for label, values in {"measured": data, **models}.items():
