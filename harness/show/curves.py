@@ -3,6 +3,7 @@
 A page that is stored takes its points from `thinned`; one that is drawn at once may give arrays as they are.
 """
 
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -35,15 +36,10 @@ COMMAND = Line("#888888", "dot")
 
 def lines_of(names: Iterable[str]) -> dict[str, Line]:
     """The line of each name: a fidelity's own; for any other, such as a schedule of several, a spare colour, dashed."""
-    lines: dict[str, Line] = {}
-    others = 0
-    for name in dict.fromkeys(names):
-        if name in FIDELITIES:
-            lines[name] = Line(FIDELITIES[name].colour, FIDELITIES[name].dash)
-        else:
-            lines[name] = Line(SPARE[others % len(SPARE)], "dash")
-            others += 1
-    return lines
+    taken = {fidelity.colour for fidelity in FIDELITIES.values()}
+    spare = itertools.cycle([colour for colour in SPARE if colour not in taken] or SPARE)
+    own = {fidelity.name: Line(fidelity.colour, fidelity.dash) for fidelity in FIDELITIES.values()}
+    return {name: own.get(name) or Line(next(spare), "dash") for name in dict.fromkeys(names)}
 
 
 def stride(n_points: int) -> int:
