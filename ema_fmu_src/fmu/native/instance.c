@@ -217,7 +217,7 @@ Outcome instance_step(Instance *m, double time, double step) {
         DISCARD("it is too short: it would end at %.15g s, and the FMU is at %.15g s", time, step, end, s->point);
     if (end > s->stop + slack(s->stop))
         DISCARD("it would end at %.15g s, after the stop time %.15g s", time, step, end, s->stop);
-    for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE + i] = s->slope[i];
+    for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE_OF[i]] = s->slope[i];
     s->status = ema_advance(s->v, s->x, end - s->start);
     memset(s->slope, 0, sizeof s->slope);
     if (s->status) {
