@@ -167,7 +167,7 @@ VARIABLES: tuple[Variable, ...] = (
         kind="Boolean",
         unused_by=("HF", "LF"),
     ),
-    _parameter("solver.step", "s", 1e-4, (1e-9, 1e-2), "Largest inner step", start_of={"HF": 1e-5}),
+    _parameter("solver.step", "s", 1e-4, (1e-9, 1e-2), "Largest inner step", start_of={"HF": 2e-5}),
     _parameter(
         "solver.event_located",
         "",
@@ -238,6 +238,17 @@ VARIABLES: tuple[Variable, ...] = (
         (-4.0, 4.0),
         "Offset of the resolver, motor mechanical angle; healthy 0",
         unused_by=("ELF", "LF"),
+    ),
+    # appended since version 0.1: value references that exist never move
+    _output("end_stop_torque", "N.m", "Torque of the end stops on the motor shaft, mean over the last communication step"),
+    _output("voltage_saturated_real", "1", "voltage_saturated as a Real, 0 or 1, for hosts that read Reals only"),
+    _parameter(
+        "fault.eccentricity_law",
+        "1",
+        1,
+        (1, 2),
+        "Cosine of the eccentricity: 1 shifted with the phase, 2 common to all phases",
+        kind="Integer",
     ),
 )
 

@@ -1,32 +1,44 @@
 """Flies a twin's kernels directly, without an FMU: for tests of the physics."""
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 
 from ema_fmu_src import ports
-from ema_fmu_src.twins import STALE, STATUS, TWINS
+from ema_fmu_src.twins import STALE, TWINS, Status
 
-OUTPUTS = [variable.name for variable in (*ports.OUTPUTS, ports.VARIABLES[ports.INDEX["controller.integral"]])]
-FIRST = ports.INDEX["position"]
+OUTPUTS = [variable.name for variable in ports.VARIABLES if variable.causality in ("output", "local")]
+PLACES = [ports.INDEX[name] for name in OUTPUTS]
 
 
 class Flight:
-    """One twin at a time t [s]; parameters by name, ELF+ as a fidelity of its own."""
+    """One twin at a time t [s]; inputs and parameters by port name, ELF+ as a fidelity of its own."""
 
-    def __init__(self, fidelity: str, **parameters: float) -> None:
+    def __init__(self, fidelity: str, values: Mapping[str, float] | None = None) -> None:
+        self.status = self._start(fidelity, values or {})
+        assert self.status == Status.OK, self.status.message
+
+    @classmethod
+    def tried(cls, fidelity: str, values: Mapping[str, float]) -> "Flight | Status":
+        """The flight, or the status with which the twin refuses to start."""
+        flight = cls.__new__(cls)
+        status = flight._start(fidelity, values)
+        return flight if status == Status.OK else status
+
+    def _start(self, fidelity: str, values: Mapping[str, float]) -> Status:
         self.twin = TWINS[fidelity.removesuffix("+")]
         self.v = np.array(ports.starts(self.twin.name), dtype=np.float64)
         self.x = np.zeros(self.twin.n_states)
         self.t = 0.0
-        self.set(**parameters)
+        self.set(values)
         if fidelity == "ELF+":
             self.v[ports.INDEX["driver.coupled_saturation"]] = 1.0
-        status = self.twin.initialize(self.v, self.x)
-        assert status == 0, STATUS[status]
+        return Status(self.twin.initialize(self.v, self.x))
 
-    def set(self, **values: float) -> None:
-        """Set inputs and parameters; a dot in a name is written as two underscores."""
+    def set(self, values: Mapping[str, float]) -> None:
+        """Set inputs and parameters."""
         for name, value in values.items():
-            self.v[ports.INDEX[name.replace("__", ".")]] = value
+            self.v[ports.INDEX[name]] = value
         self.x[STALE] = 1.0
 
     def __getitem__(self, name: str) -> float:
@@ -34,18 +46,28 @@ class Flight:
 
     def to(self, t: float) -> "Flight":
         """Run to the time t [s] in one communication step."""
-        status = self.twin.advance(self.v, self.x, t)
-        assert status == 0, STATUS[status]
+        status = Status(self.twin.advance(self.v, self.x, t))
+        assert status == Status.OK, status.message
         self.t = t
         return self
 
-    def fly(self, command, *, n: int, step: float = 1e-4, load=None) -> dict[str, np.ndarray]:
-        """n communication steps under command(t) [rad] and load(t) [N.m]; every output at their ends, and the time."""
+    def fly(
+        self,
+        command: Callable[[float], float],
+        *,
+        n: int,
+        step: float = 1e-4,
+        load: Callable[[float], float] | None = None,
+        supply: Callable[[float], float] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """n communication steps under command(t) [rad], load(t) [N.m] and supply(t) [V]; every output at their ends, and the
+        time [s]."""
+        inputs = {"command": command, "load_torque": load, "supply_voltage": supply}
+        given = [(ports.INDEX[name], of) for name, of in inputs.items() if of is not None]
         rows = np.empty((n, len(OUTPUTS)))
         for k in range(n):
-            self.v[ports.INDEX["command"]] = command(k * step)
-            if load is not None:
-                self.v[ports.INDEX["load_torque"]] = load(k * step)
+            for place, of in given:
+                self.v[place] = of(k * step)
             self.to((k + 1) * step)
-            rows[k] = self.v[FIRST : FIRST + len(OUTPUTS)]
+            rows[k] = self.v[PLACES]
         return {"time": (np.arange(n) + 1) * step, **dict(zip(OUTPUTS, rows.T, strict=True))}

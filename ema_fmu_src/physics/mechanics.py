@@ -60,8 +60,23 @@ def end_stop(theta, w, theta_max):
 
 
 @kernel
+def user_shaft(position, x, half_play, load):
+    """Position of the user shaft behind the backlash; x = theta/G is that of the gear.
+
+    A load seats the shaft against the flank that carries it, at once: the user side has no mass of its own (ours, quasi-
+    static). So a loaded gap is never open, a load that reverses takes the shaft across it, and what the load loses on that
+    way is lost in the impact. Without a load the shaft stays where friction leaves it, within +-half_play (play operator).
+    """
+    if load > 0.0:
+        return x - half_play
+    if load < 0.0:
+        return x + half_play
+    return play(position, x, half_play)
+
+
+@kernel
 def play(position, x, half_play):
-    """Play (backlash) operator: the user shaft stays within +-half_play of the gear's x = theta/G."""
+    """Play operator: the user shaft stays within +-half_play of the gear's x = theta/G."""
     if position > x + half_play:
         return x + half_play
     if position < x - half_play:

@@ -1,24 +1,44 @@
 """LF's equivalent single phase: its shape functions (ours; the paper only says that LF defines some) and its current."""
 
 import math
+from typing import NamedTuple
 
 from .jit import kernel
 from .trig import clamp
+from .windings import mean_share
 
-PER_TAU = 1.0 / 1e-4
-"""Of the current loop's time constant tau [1/s] (ours: the controller's default period)."""
-INV_SQRT3 = 1.0 / math.sqrt(3.0)
+TAU = 1e-4
+"""Time constant of the current loop [s] (ours: the controller's default period)."""
+PER_TAU = 1.0 / TAU
+SIX_STEP = 2.0 / math.pi
+"""Amplitude of a phase voltage's fundamental over V_dc when the inverter switches but six times a period: the most that
+hysteresis control reaches, and LF's ceiling."""
+RECTIFIED = 3.0 / math.pi
+"""Bus current of a three-phase diode bridge over the amplitude of its phase currents, mean over a period."""
+
+
+class Driven(NamedTuple):
+    """A step of the single phase: the current at its end and in the mean, the voltage, and whether that was limited."""
+
+    i: float
+    i_mean: float
+    v: float
+    limited: bool
 
 
 @kernel
-def _share(N_j, field, s_j, c_j):
-    return (2.0 / 3.0) * N_j * s_j * s_j * (1.0 + field.z_cos * c_j + field.z_sin * s_j)
+def _share(N_j, z_cos_j, z_sin_j, s_j, c_j):
+    return (2.0 / 3.0) * N_j * s_j * s_j * (1.0 + z_cos_j * c_j + z_sin_j * s_j)
 
 
 @kernel
 def shape(N, field, s, c):
-    """f = (2/3)*sum N_j*sin^2(theta_j)*[1 + p*zeta*cos(theta_j - phi)]; healthy: f = 1."""
-    return _share(N.a, field, s.a, c.a) + _share(N.b, field, s.b, c.b) + _share(N.c, field, s.c, c.c)
+    """f = (2/3)*sum N_j*sin^2(theta_j)*[1 + p*zeta*cos(theta_j - phi_j)]; healthy: f = 1."""
+    return (
+        _share(N.a, field.z_cos.a, field.z_sin.a, s.a, c.a)
+        + _share(N.b, field.z_cos.b, field.z_sin.b, s.b, c.b)
+        + _share(N.c, field.z_cos.c, field.z_sin.c, s.c, c.c)
+    )
 
 
 @kernel
@@ -29,12 +49,13 @@ def resistance(R, N, s):
 
 @kernel
 def current(i, I_ref, e, R_eq, L, V_dc, h):
-    """The equivalent current after a step h, the voltage during it, and whether that was limited (ours).
+    """A step h of the equivalent current (ours): L di/dt = v - R_eq*i - e, by the rule of `voltage_limit.step_impedance`.
 
-    L di/dt = v - R_eq*i - e by the trapezoidal rule; v takes the current to I_ref with the time constant tau as far as
-    +-V_dc/sqrt(3) reaches.
+    v takes the current to I_ref with the time constant tau, as far as the six-step voltage 2*V_dc/pi reaches.
     """
-    target = i + (I_ref - i) * min(1.0, h * PER_TAU)
-    need = R_eq * 0.5 * (i + target) + e + (L / h) * (target - i)
-    v = clamp(need, -V_dc * INV_SQRT3, V_dc * INV_SQRT3)
-    return i + h * (v - e - R_eq * i) / (L + 0.5 * h * R_eq), v, v != need
+    share = mean_share(h * R_eq, L)
+    change = (I_ref - i) * min(1.0, h * PER_TAU)
+    need = R_eq * (i + share * change) + e + (L / h) * change
+    v = clamp(need, -V_dc * SIX_STEP, V_dc * SIX_STEP)
+    change = (v - e - R_eq * i) / max(L / h + 0.5 * R_eq, R_eq)
+    return Driven(i + change, i + share * change, v, v != need)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from .jit import kernel
 from .phases import Abc
 from .trig import clamp
-from .windings import per_sum, star_point
+from .windings import mean_share, per_sum, star_point
 
 
 class Driven(NamedTuple):
@@ -16,11 +16,6 @@ class Driven(NamedTuple):
     i_mean: Abc
     u: Abc
     limited: bool
-
-
-@kernel
-def _mean(i, i_new):
-    return Abc(0.5 * (i.a + i_new.a), 0.5 * (i.b + i_new.b), 0.5 * (i.c + i_new.c))
 
 
 @kernel
@@ -34,35 +29,68 @@ def independent_phase(i_ref_j, e_j, R, N_j, V_dc):
 
 
 @kernel
-def independent(i, i_ref, e, R, N, V_dc):
-    """ELF's step: each phase limited on its own, no inductance."""
+def _mean(i_j, i_new_j, hR_j, L_j):
+    return i_j + (i_new_j - i_j) * mean_share(hR_j, L_j)
+
+
+@kernel
+def _means(i, i_new, phases, h):
+    """Mean currents over a step h."""
+    R, L = phases
+    return Abc(_mean(i.a, i_new.a, h * R.a, L.a), _mean(i.b, i_new.b, h * R.b, L.b), _mean(i.c, i_new.c, h * R.c, L.c))
+
+
+@kernel
+def needs(i, i_ref, e, phases, per_h):
+    """What the currents ask of the legs over a step h = 1/per_h: the voltages hold_j = e_j + R_j*i_j that keep them as they
+    are, need_j = (i_ref_j - i_j)/a_j + hold_j that take them to their references, and 1/a_j."""
+    R, L = phases
+    impedance = Abc(step_impedance(per_h, R.a, L.a), step_impedance(per_h, R.b, L.b), step_impedance(per_h, R.c, L.c))
+    hold = Abc(e.a + R.a * i.a, e.b + R.b * i.b, e.c + R.c * i.c)
+    need = Abc(
+        (i_ref.a - i.a) * impedance.a + hold.a,
+        (i_ref.b - i.b) * impedance.b + hold.b,
+        (i_ref.c - i.c) * impedance.c + hold.c,
+    )
+    return hold, need, impedance
+
+
+@kernel
+def beyond(need, V_dc):
+    """Whether the inverter cannot give the leg voltages `need`, wherever the star point floats: some phase is limited."""
+    return max(need.a, need.b, need.c) - min(need.a, need.b, need.c) > V_dc
+
+
+@kernel
+def step_impedance(per_h, R_j, L_j):
+    """1/a_j: voltage per change of current over a step, L_j/h + R_j/2 by the trapezoidal rule; R_j where the current settles
+    within the step (h*R_j/L_j > 2), as in `windings.damping`."""
+    return max(L_j * per_h + 0.5 * R_j, R_j)
+
+
+@kernel
+def independent(i, i_ref, e, R, N, phases, V_dc, h):
+    """ELF's step h: each phase limited on its own, no inductance. Whether a phase is limited is told by what the coupled
+    windings would need, since ELF errs there long before its own limit acts."""
     i_new = Abc(
         independent_phase(i_ref.a, e.a, R, N.a, V_dc),
         independent_phase(i_ref.b, e.b, R, N.b, V_dc),
         independent_phase(i_ref.c, e.c, R, N.c, V_dc),
     )
-    i_mean = _mean(i, i_new)
+    i_mean = Abc(0.5 * (i.a + i_new.a), 0.5 * (i.b + i_new.b), 0.5 * (i.c + i_new.c))
     u = Abc(e.a + N.a * R * i_mean.a, e.b + N.b * R * i_mean.b, e.c + N.c * R * i_mean.c)
-    return Driven(i_new, i_mean, u, i_new.a != i_ref.a or i_new.b != i_ref.b or i_new.c != i_ref.c)
+    _, need, _ = needs(i, i_ref, e, phases, 1.0 / h)
+    return Driven(i_new, i_mean, u, beyond(need, V_dc))
 
 
 @kernel
-def coupled(i, i_ref, e, R, L, V_dc, h):
-    """ELF+'s step h: the references where the averaged inverter can reach them (the star point floats), else saturation.
-
-    need_j = (i_ref_j - i_j)/a_j + hold_j, a_j = (h/L_j)/(1 + h*R_j/(2*L_j)), hold_j = e_j + R_j*i_j.
-    """
-    hold = Abc(e.a + R.a * i.a, e.b + R.b * i.b, e.c + R.c * i.c)
-    per_h = 1.0 / h
-    need = Abc(
-        (i_ref.a - i.a) * (L.a * per_h + 0.5 * R.a) + hold.a,
-        (i_ref.b - i.b) * (L.b * per_h + 0.5 * R.b) + hold.b,
-        (i_ref.c - i.c) * (L.c * per_h + 0.5 * R.c) + hold.c,
-    )
-    limited = max(need.a, need.b, need.c) - min(need.a, need.b, need.c) > V_dc
+def coupled(i, i_ref, e, phases, V_dc, h):
+    """ELF+'s step h: the references where the averaged inverter can reach them (the star point floats), else saturation."""
+    hold, need, impedance = needs(i, i_ref, e, phases, 1.0 / h)
+    limited = beyond(need, V_dc)
     if not limited:
-        return Driven(i_ref, _mean(i, i_ref), need, limited)
-    a = Abc(step_admittance(h, R.a, L.a), step_admittance(h, R.b, L.b), step_admittance(h, R.c, L.c))
+        return Driven(i_ref, _means(i, i_ref, phases, h), need, limited)
+    a = Abc(1.0 / impedance.a, 1.0 / impedance.b, 1.0 / impedance.c)
     u = saturated_legs(need, a, hold, V_dc)
     v_n = star_point(Abc(u.a - hold.a, u.b - hold.b, u.c - hold.c), a, per_sum(a))
     i_new = Abc(
@@ -70,13 +98,7 @@ def coupled(i, i_ref, e, R, L, V_dc, h):
         i.b + a.b * (u.b - v_n - hold.b),
         i.c + a.c * (u.c - v_n - hold.c),
     )
-    return Driven(i_new, _mean(i, i_new), u, limited)
-
-
-@kernel
-def step_admittance(h, R_j, L_j):
-    """a_j = (h/L_j)/(1 + h*R_j/(2*L_j)): change of current over a step h by the trapezoidal rule, per volt."""
-    return h / (L_j + 0.5 * h * R_j)
+    return Driven(i_new, _means(i, i_new, phases, h), u, limited)
 
 
 @kernel

@@ -7,41 +7,74 @@ from .phases import Abc
 
 
 class Field(NamedTuple):
-    """The rotor as the windings see it: its magnets and its eccentricity, z_cos, z_sin = p*zeta*(cos, sin)(phi)."""
+    """The rotor as the windings see it: its magnets and its eccentricity, z_cos_j, z_sin_j = p*zeta*(cos, sin)(phi_j).
+
+    Eq. 2 is given for phase a. Its cosine either shifts with the phase, phi_j = phi (ours), or is common to the phases,
+    cos(theta_e - phi) = cos(theta_j - phi_j) with phi_j = phi - 2*pi*j/3.
+    """
 
     K_e: float
-    z_cos: float
-    z_sin: float
+    z_cos: Abc
+    z_sin: Abc
+
+
+class Series(NamedTuple):
+    """Resistance and inductance in each phase, that of a switch or a diode included."""
+
+    R: Abc
+    L: Abc
 
 
 class Star(NamedTuple):
-    """The star-connected phases: resistances with a switch or a diode in series, G_j = 1/L_j, and 1/sum(G_j)."""
+    """The star-connected phases: resistances with a switch or a diode in series, G_j = 1/L_j, 1/sum(G_j), and the fastest
+    decay, the largest R_j*G_j."""
 
     R: Abc
     G: Abc
     per_G: float
+    decay: float
 
 
 @kernel
 def star(N, R, R_on, L):
     """The star with R_j = N_j*R + R_on and L_j = N_j^2*L."""
     G = Abc(1.0 / (N.a * N.a * L), 1.0 / (N.b * N.b * L), 1.0 / (N.c * N.c * L))
-    return Star(Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on), G, per_sum(G))
+    R_j = Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on)
+    return Star(R_j, G, per_sum(G), max(R_j.a * G.a, R_j.b * G.b, R_j.c * G.c))
 
 
 @kernel
-def back_emf_coefficient(N_j, field, s_j, c_j):
-    """k_j = -N_j*K_e*sin(theta_j)*[1 + p*zeta*cos(theta_j - phi)] (the paper, Eq. 2; that the cosine shifts is ours)."""
-    return -N_j * field.K_e * s_j * (1.0 + field.z_cos * c_j + field.z_sin * s_j)
+def damping(z_j):
+    """Factor of the step of a current that decays by z_j = h*R_j/L_j in it: the trapezoidal rule's 1/(1 + z_j/2), and from
+    z_j = 2 on, where that would overshoot, the 1/z_j that leads to the steady current (ours)."""
+    return 1.0 / max(1.0 + 0.5 * z_j, z_j)
+
+
+@kernel
+def mean_share(hR_j, L_j):
+    """Where between its ends the mean current of such a step lies: in the middle, and from z_j = 2 on at 1 - 1/z_j."""
+    return 0.5 if hR_j <= 2.0 * L_j else 1.0 - L_j / hR_j
+
+
+@kernel
+def series(N, R, R_on, L):
+    """R_j = N_j*R + R_on and L_j = N_j^2*L."""
+    return Series(Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on), Abc(N.a * N.a * L, N.b * N.b * L, N.c * N.c * L))
+
+
+@kernel
+def back_emf_coefficient(N_j, K_e, z_cos_j, z_sin_j, s_j, c_j):
+    """k_j = -N_j*K_e*sin(theta_j)*[1 + p*zeta*cos(theta_j - phi_j)] (the paper, Eq. 2)."""
+    return -N_j * K_e * s_j * (1.0 + z_cos_j * c_j + z_sin_j * s_j)
 
 
 @kernel
 def back_emf_coefficients(N, field, s, c):
     """k_j of the three phases."""
     return Abc(
-        back_emf_coefficient(N.a, field, s.a, c.a),
-        back_emf_coefficient(N.b, field, s.b, c.b),
-        back_emf_coefficient(N.c, field, s.c, c.c),
+        back_emf_coefficient(N.a, field.K_e, field.z_cos.a, field.z_sin.a, s.a, c.a),
+        back_emf_coefficient(N.b, field.K_e, field.z_cos.b, field.z_sin.b, s.b, c.b),
+        back_emf_coefficient(N.c, field.K_e, field.z_cos.c, field.z_sin.c, s.c, c.c),
     )
 
 

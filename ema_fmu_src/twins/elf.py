@@ -12,10 +12,10 @@ Covers: faults of friction, backlash, turns, eccentricity, gain, jam, magnet, re
 Does not cover: the current ripple, the dead time, a switch that stays open, sensor errors; saturation in plain ELF.
 """
 
-from ..physics import monitor, voltage_limit, windings
+from ..physics import inverter, monitor, stability, voltage_limit, windings
 from ..physics.jit import kernel
 from ..physics.modulator import reference
-from ..physics.phases import Abc, three_phases
+from ..physics.phases import three_phases
 from ..physics.trig import rotate, sincos
 from . import actuator, host
 from .actuator import derived, now
@@ -26,12 +26,19 @@ from .status import Status
 STATES = whole(actuator.ONCE, actuator.MOVING)
 N_STATES = len(STATES)
 MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING))
+LEAST_R = 0.5
+"""Least fault.resistance: bounds of the step hold whatever the faults."""
 
 
 @kernel
 def initialize(v, x):
     """Start at time 0; returns a Status."""
-    status = actuator.start(v, x, v[port.controller.period], N_STATES)
+    K_e, J, R = v[port.motor.K_e], v[port.mechanics.J], LEAST_R * v[port.motor.R]
+    if v[port.driver.coupled_saturation] != 0.0:
+        longest = stability.for_currents(v[port.solver.step], K_e, J, R, v[port.motor.L])
+    else:
+        longest = stability.for_driver(v[port.solver.step], K_e, J, R)
+    status = actuator.start(v, x, v[port.controller.period], longest, N_STATES)
     return actuator.publish(v, x, 0.0) if status == Status.OK else status
 
 
@@ -45,12 +52,10 @@ def _sample(v, x, t):
 def _driven(v, x, i, i_ref, e, V_dc, h):
     """The driver over a step h: plain ELF's, or ELF+'s."""
     R, N = x[derived.R], actuator.turns(v)
+    phases = windings.series(N, R, v[port.inverter.R_on], v[port.motor.L])
     if v[port.driver.coupled_saturation] == 0.0:
-        return voltage_limit.independent(i, i_ref, e, R, N, V_dc)
-    L, R_on = v[port.motor.L], v[port.inverter.R_on]
-    R_j = Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on)
-    L_j = Abc(N.a * N.a * L, N.b * N.b * L, N.c * N.c * L)
-    return voltage_limit.coupled(i, i_ref, e, R_j, L_j, V_dc, h)
+        return voltage_limit.independent(i, i_ref, e, R, N, phases, V_dc, h)
+    return voltage_limit.coupled(i, i_ref, e, phases, V_dc, h)
 
 
 @kernel
@@ -65,23 +70,26 @@ def _step(v, x, t, h):
     sines, cosines = three_phases(s, c)
     k = windings.back_emf_coefficients(N, actuator.field(x), sines, cosines)
     sines_end, _ = three_phases(s_end, c_end)
-    i_ref = reference.ideal(x[now.I_ref], sines_end)
-    driven = _driven(v, x, actuator.currents(x), i_ref, windings.back_emf(k, motion.w), V_dc, h)
+    live = inverter.live(V_dc)
+    i_ref = reference.ideal(x[now.I_ref] if live else 0.0, sines_end)
+    i = actuator.currents(x)
+    load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
+    w_ahead = actuator.w_ahead(v, x, motion, windings.torque(k, i), load, h)
+    driven = _driven(v, x, i, i_ref, windings.back_emf(k, w_ahead), V_dc, h)
 
     i, u = driven.i_mean, driven.u
-    load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
-    theta, w, position, _, T_f = actuator.move(v, x, motion, windings.torque(k, i), load, h)
+    _, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, i), load, h)
     s_end, c_end = rotate(s_end, c_end, p * (theta - motion.theta - 2.0 * half))
     means = actuator.Means(
         monitor.quadrature_current(i, s, c),
-        (u.a * i.a + u.b * i.b + u.c * i.c) / V_dc if V_dc > 0.0 else 0.0,
+        (u.a * i.a + u.b * i.b + u.c * i.c) / V_dc if live else inverter.rectified(i),
         R * (N.a * i.a * i.a + N.b * i.b * i.b + N.c * i.c * i.c),
     )
-    moved = actuator.Motion(theta, w, position, s_end, c_end, T_f)
-    actuator.store(v, x, h, moved, driven.i, means, driven.limited)
+    moved = actuator.Motion(theta, w, position, s_end, c_end, T_f, stop)
+    actuator.store(v, x, h, moved, driven.i, means, driven.limited or not live)
 
 
-_run = host.stepper(_sample, _step, MOVING)
+_run = host.stepper(_sample, actuator.shortened, _step, MOVING)
 
 
 @kernel

@@ -9,7 +9,8 @@ L_j di_j/dt = v_j - v_n - R_j*i_j - e_j.
 Back-EMF and torque (the paper, Eq. 2): e_j = k_j*w, T_m = sum(k_j*i_j).
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
 
-Between switchings the equations are smooth and are stepped by the midpoint rule (second order). How far a step goes is a
+Between switchings the equations are smooth and are stepped by the midpoint rule (second order; implicit in the resistances
+where they bend the currents within a step). How far a step goes is a
 rule of its own: `_step_to_event` (solver.event_located) or `_fixed_step`, always solver.step.
 
 Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dynamics, forward voltage of the diodes.
@@ -17,7 +18,7 @@ Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dy
 
 from typing import NamedTuple
 
-from ..physics import inverter, monitor, sensor, windings
+from ..physics import inverter, monitor, sensor, stability, voltage_limit, windings
 from ..physics.inverter import Leg
 from ..physics.jit import kernel
 from ..physics.modulator import hysteresis, reference
@@ -50,16 +51,18 @@ MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING) + len(OWN))
 own = places("own", OWN, first=len(actuator.ONCE) + len(actuator.MOVING))
 
 MOST_STEPS = 20000
-"""Bound of event-located steps in one controller period; a healthy run takes some 60."""
+"""Bound of event-located steps in one controller period, beside those that its longest step asks for; a healthy run takes
+some 60."""
 SHORTEST = 1e-9
 """Shortest step that is aimed at an event [s]: 0.1 mA of the current's slope."""
 MARGIN = 4e-3
 """Event-located: a current error this close to the band, as a fraction of it, has reached it. The relative tolerance of an
 experiment, if one is given, takes its place, within FINEST and COARSEST."""
 FINEST, COARSEST = 1e-5, 0.05
-LIMITED_AT = 2.2
-"""Current error, in half bands, at the end of a controller period that counts as voltage-limited: the star lets errors
-reach 2 without it."""
+RIPPLES = 10.0
+"""Ripples of the band, as changes of the current at V_dc, in the time within which a limit of the voltage is looked for."""
+STIFF = 0.05
+"""h*R_j/L_j from which a step is implicit in the resistance; below it the explicit midpoint rule is as good and cheaper."""
 
 
 class Machine(NamedTuple):
@@ -74,11 +77,14 @@ class Machine(NamedTuple):
     comparator: hysteresis.Comparator
     open_side: Abc
     offset: Abc
+    L: Abc
 
 
 class Circuit(NamedTuple):
-    """The legs and the star between two switchings: switches, rails, 1/L of what conducts, voltages, slopes of currents."""
+    """The legs and the star between two switchings: whether the supply lets them switch, switches, rails, 1/L of what
+    conducts, voltages, slopes of currents."""
 
+    live: bool
     gate: Abc
     rail: Abc
     g: Abc
@@ -98,7 +104,10 @@ class Sums(NamedTuple):
 @kernel
 def initialize(v, x):
     """Start at time 0; returns a Status."""
-    status = actuator.start(v, x, v[port.controller.period], N_STATES)
+    longest = stability.for_currents(
+        v[port.solver.step], v[port.motor.K_e], v[port.mechanics.J], v[port.motor.R], v[port.motor.L]
+    )
+    status = actuator.start(v, x, v[port.controller.period], longest, N_STATES)
     if status != Status.OK:
         return status
     x[own.ref_cos] = x[now.I_ref]
@@ -123,6 +132,7 @@ def _machine(v, x):
         hysteresis.Comparator(band, margin, v[port.inverter.dead_time]),
         Abc(inverter.open_side(switch, 0), inverter.open_side(switch, 1), inverter.open_side(switch, 2)),
         Abc(v[port.fault.current_offset_a], v[port.fault.current_offset_b], v[port.fault.current_offset_c]),
+        windings.series(N, R, v[port.inverter.R_on], v[port.motor.L]).L,
     )
 
 
@@ -172,9 +182,8 @@ def _look(comparator, legs, error):
 @kernel
 def _circuit(m, motion, i, legs, s, c, V_dc):
     """The circuit that switches, diodes and the star make of the legs."""
-    gate = Abc(
-        inverter.gate(legs.a, m.open_side.a), inverter.gate(legs.b, m.open_side.b), inverter.gate(legs.c, m.open_side.c)
-    )
+    live, side = inverter.live(V_dc), m.open_side
+    gate = Abc(inverter.gate(legs.a, side.a, live), inverter.gate(legs.b, side.b, live), inverter.gate(legs.c, side.c, live))
     e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
     tied = Abc(inverter.rail(gate.a, i.a), inverter.rail(gate.b, i.b), inverter.rail(gate.c, i.c))
     rail, g, per_g = inverter.conduction(tied, m.star, i, e, V_dc)
@@ -182,7 +191,7 @@ def _circuit(m, motion, i, legs, s, c, V_dc):
     d = windings.inductor_voltages(v, m.star.R, i, e)
     v_n = windings.star_point(d, g, per_g)
     slope = Abc(g.a * (d.a - v_n), g.b * (d.b - v_n), g.c * (d.c - v_n))
-    return Circuit(gate, rail, g, per_g, v, slope)
+    return Circuit(live, gate, rail, g, per_g, v, slope)
 
 
 @kernel
@@ -208,25 +217,16 @@ def _step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, lo
 
 
 @kernel
-def _fixed_step(step, to_tick):
-    """The fixed rule: `step`, the last one before the controller's tick taking up what rounding has left."""
-    return to_tick if to_tick < 1.5 * step else step
+def _turn_limited(m, w, step):
+    """`step`, or the shorter one in which theta_e turns by stability.TURN."""
+    turn = m.p * abs(w)
+    return step if turn * step <= stability.TURN else stability.TURN / turn
 
 
 @kernel
-def _cut_off(open_side, legs, i, i_new):
-    """The new currents once those of legs that are off have stopped at zero; the star shares out what is taken off."""
-    a, b, c = i_new
-    cut_a = inverter.cut_off(legs.a, open_side.a, i.a, a)
-    cut_b = inverter.cut_off(legs.b, open_side.b, i.b, b)
-    cut_c = inverter.cut_off(legs.c, open_side.c, i.c, c)
-    if cut_a != 0.0:
-        a, b, c = 0.0, b + 0.5 * cut_a, c + 0.5 * cut_a
-    if cut_b != 0.0:
-        a, b, c = a + 0.5 * cut_b, 0.0, c + 0.5 * cut_b
-    if cut_c != 0.0:
-        a, b, c = a + 0.5 * cut_c, b + 0.5 * cut_c, 0.0
-    return Abc(a, b, c)
+def _fixed_step(step, to_tick):
+    """The fixed rule: `step`, the last one before the controller's tick taking up what rounding has left."""
+    return to_tick if to_tick < 1.5 * step else step
 
 
 @kernel
@@ -242,14 +242,10 @@ def _square(i_j, i_new_j):
 
 
 @kernel
-def _sum_up(m, sums, circuit, i, i_middle, i_new, s, c, h):
-    """The sums after a step h with theta_e = asin(s) at its middle.
-
-    They take the currents' bend within the step into account: third order, at one step a commutation.
-    """
-    N, rail = m.N, circuit.rail
+def _sum_up(m, sums, rail, i, mean, i_new, s, c, h):
+    """The sums after a step h with theta_e = asin(s) at its middle, the currents' `mean` and their ends."""
+    N = m.N
     loss = sums.loss + h * m.R * (N.a * _square(i.a, i_new.a) + N.b * _square(i.b, i_new.b) + N.c * _square(i.c, i_new.c))
-    mean = Abc(_mean(i.a, i_middle.a, i_new.a), _mean(i.b, i_middle.b, i_new.b), _mean(i.c, i_middle.c, i_new.c))
     q = monitor.quadrature_current(mean, s, c)
     i_filtered = monitor.low_pass(sums.i_filtered, q, h / (m.tau + 0.5 * h))
     charge = sums.charge + 0.5 * h * (rail.a * mean.a + rail.b * mean.b + rail.c * mean.c)
@@ -257,16 +253,62 @@ def _sum_up(m, sums, circuit, i, i_middle, i_new, s, c, h):
 
 
 @kernel
+def _toward(star, i, slope, h):
+    """The currents after a step h along their slopes, bent by the resistances."""
+    R, G = star.R, star.G
+    return Abc(
+        i.a + h * slope.a * windings.damping(h * R.a * G.a),
+        i.b + h * slope.b * windings.damping(h * R.b * G.b),
+        i.c + h * slope.c * windings.damping(h * R.c * G.c),
+    )
+
+
+@kernel
+def _damped(star, g, h):
+    """g_j of a step h that is implicit in the resistances."""
+    R, G = star.R, star.G
+    return Abc(
+        g.a * windings.damping(h * R.a * G.a),
+        g.b * windings.damping(h * R.b * G.b),
+        g.c * windings.damping(h * R.c * G.c),
+    )
+
+
+@kernel
+def _between(star, i, i_new, h):
+    """Mean currents of such a step."""
+    R, G = star.R, star.G
+    return Abc(
+        i.a + (i_new.a - i.a) * windings.mean_share(h * R.a * G.a, 1.0),
+        i.b + (i_new.b - i.b) * windings.mean_share(h * R.b * G.b, 1.0),
+        i.c + (i_new.c - i.c) * windings.mean_share(h * R.c * G.c, 1.0),
+    )
+
+
+@kernel
 def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
-    """A step h by the midpoint rule: the middle from the slopes at the beginning, the step from the slopes at the middle."""
+    """A step h by the midpoint rule: the middle from the slopes at the beginning, the step from the slopes at the middle.
+
+    Where the resistances bend the currents within the step (STIFF), it is implicit in them. What is summed up takes that
+    bend into account: third order, at one step a commutation.
+    """
     s, c = rotate(motion.s, motion.c, 0.5 * m.p * motion.w * h)
     sines, cosines = three_phases(s, c)
     k = windings.back_emf_coefficients(m.N, m.field, sines, cosines)
     slope, g = circuit.slope, circuit.g
-    middle = Abc(i.a + 0.5 * h * slope.a, i.b + 0.5 * h * slope.b, i.c + 0.5 * h * slope.c)
-    theta, w, position, w_mean, T_f = actuator.move(v, x, motion, windings.torque(k, middle), load, h)
-    d = windings.inductor_voltages(circuit.v, m.star.R, middle, windings.back_emf(k, w_mean))
-    v_n = windings.star_point(d, g, circuit.per_g)
+    stiff = h * m.star.decay > STIFF
+    if stiff:
+        middle = _toward(m.star, i, slope, 0.5 * h)
+    else:
+        middle = Abc(i.a + 0.5 * h * slope.a, i.b + 0.5 * h * slope.b, i.c + 0.5 * h * slope.c)
+    w_mean, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, middle), load, h)
+    e = windings.back_emf(k, w_mean)
+    if stiff:
+        d, g = windings.inductor_voltages(circuit.v, m.star.R, i, e), _damped(m.star, g, h)
+        v_n = windings.star_point(d, g, windings.per_sum(g))
+    else:
+        d = windings.inductor_voltages(circuit.v, m.star.R, middle, e)
+        v_n = windings.star_point(d, g, circuit.per_g)
     i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
     legs = Abc(
         Leg(legs.a.u, legs.a.dead_left - h, legs.a.closing),
@@ -274,18 +316,38 @@ def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
         Leg(legs.c.u, legs.c.dead_left - h, legs.c.closing),
     )
     if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
-        i_new = _cut_off(m.open_side, legs, i, i_new)
-    sums = _sum_up(m, sums, circuit, i, middle, i_new, s, c, h)
+        i_new = inverter.cut_off(legs, m.open_side, circuit.live, i, i_new, g)
+    if stiff:
+        mean = _between(m.star, i, i_new, h)
+    else:
+        mean = Abc(_mean(i.a, middle.a, i_new.a), _mean(i.b, middle.b, i_new.b), _mean(i.c, middle.c, i_new.c))
+    sums = _sum_up(m, sums, circuit.rail, i, mean, i_new, s, c, h)
     s, c = rotate(motion.s, motion.c, m.p * (theta - motion.theta))
-    return actuator.Motion(theta, w, position, s, c, T_f), i_new, legs, sums
+    return actuator.Motion(theta, w, position, s, c, T_f, stop), i_new, legs, sums
 
 
 @kernel
-def _tick(x, band, error):
-    """End a controller period: see whether the voltage fell short."""
+def _limited(m, ref, motion, i, V_dc, T_c):
+    """Whether the inverter falls short of what the currents' references ask for.
+
+    As in ELF+, from the voltages that would take the currents there within a controller period, or within the time that the
+    ripple of the band needs. They differ by what the errors differ: an offset of a current sensor, which the star turns into
+    an error that all phases have in common, limits nothing.
+    """
+    s, c = three_phases(motion.s, motion.c)
+    error = reference.errors(ref, s, c, i, m.offset)
+    e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
+    wanted = Abc(i.a + error.a, i.b + error.b, i.c + error.c)
+    per_h = min(1.0 / T_c, V_dc / (RIPPLES * m.comparator.band * max(m.L.a, m.L.b, m.L.c)))
+    _, need, _ = voltage_limit.needs(i, wanted, e, windings.Series(m.star.R, m.L), per_h)
+    return voltage_limit.beyond(need, V_dc) or not inverter.live(V_dc)
+
+
+@kernel
+def _tick(x, limited):
+    """End a controller period."""
     x[clock.tick] += 1.0
-    worst = max(abs(error.a), abs(error.b), abs(error.c))
-    x[now.limited] = 1.0 if worst > LIMITED_AT * band else 0.0
+    x[now.limited] = 1.0 if limited else 0.0
     x[since.limited] += x[now.limited]
 
 
@@ -298,6 +360,7 @@ def advance(v, x, t):
         return status
     m = _machine(v, x)
     located, longest = v[port.solver.event_located] != 0.0, x[clock.step]
+    most_steps = MOST_STEPS + 2.0 * T_c / longest
     close = host.CLOSE * longest
     motion, i, legs, sums = _read(x)
     elapsed = x[clock.offset]
@@ -309,7 +372,7 @@ def advance(v, x, t):
         if x[clock.tick] == x[clock.next_sample]:
             _sample(v, x, motion, x[clock.tick] * T_c)
             s_e, c_e = sincos(m.p * motion.theta)
-            motion = actuator.Motion(motion.theta, motion.w, motion.position, s_e, c_e, motion.T_f)
+            motion = actuator.Motion(motion.theta, motion.w, motion.position, s_e, c_e, motion.T_f, motion.stop)
             x[clock.next_sample] += 1.0
             steps = 0
         ref = Reference(x[own.ref_cos], x[own.ref_sin])
@@ -318,15 +381,16 @@ def advance(v, x, t):
         error = reference.errors(ref, s, c, i, m.offset)
         legs = _look(m.comparator, legs, error)
         circuit = _circuit(m, motion, i, legs, s, c, V_dc)
+        step = _turn_limited(m, motion.w, longest)
         if located:
             legs, h = _step_to_event(
-                m.comparator, m.star, ref, m.p * motion.w, i, legs, error, circuit, s, c, min(longest, T_c - elapsed)
+                m.comparator, m.star, ref, m.p * motion.w, i, legs, error, circuit, s, c, min(step, T_c - elapsed)
             )
             steps += 1
-            if steps > MOST_STEPS:
+            if steps > most_steps:
                 return Status.STUCK
         else:
-            h = _fixed_step(longest, T_c - elapsed)
+            h = _fixed_step(step, T_c - elapsed)
         on_trial = h > left + close
         if on_trial:
             _write(x, motion, i, legs, sums)
@@ -340,8 +404,7 @@ def advance(v, x, t):
         elapsed += h
         if elapsed >= T_c - close:
             elapsed = 0.0
-            s, c = three_phases(motion.s, motion.c)
-            _tick(x, m.comparator.band, reference.errors(ref, s, c, i, m.offset))
+            _tick(x, _limited(m, ref, motion, i, V_dc, T_c))
     _write(x, motion, i, legs, sums)
     if x[trial.pending] == 0.0:
         x[clock.offset] = elapsed

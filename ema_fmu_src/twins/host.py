@@ -59,12 +59,12 @@ CLOSE = 1e-6
 
 
 @kernel
-def start(v, x, period, n_states):
-    """Clear `x`, and begin to count: the twin's own step is the longest within solver.step that divides `period` [s], and
+def start(v, x, period, longest, n_states):
+    """Clear `x`, and begin to count: the twin's own step is the longest within `longest` [s] that divides `period` [s], and
     the controller is sampled every `period`."""
     for place in range(n_states):
         x[place] = 0.0
-    x[clock.per_sample] = float(int(period / v[port.solver.step] + 0.999999))
+    x[clock.per_sample] = float(int(period / longest + 0.999999))
     x[clock.step] = period / x[clock.per_sample]
 
 
@@ -125,10 +125,11 @@ def unsampled(v, x, t):
     """The sample of a twin that does not sample."""
 
 
-def stepper(sample: Any, step: Any, moving: Moving) -> Any:
-    """A kernel run(v, x, t) that takes steps of one length until the time `t` [s].
+def stepper(sample: Any, shortened: Any, step: Any, moving: Moving) -> Any:
+    """A kernel run(v, x, t) that takes steps of one length, or of whole parts of it, until the time `t` [s].
 
-    It is made of the twin's own kernels: sample(v, x, now), where the controller is due, and step(v, x, now, h).
+    It is made of the twin's own kernels: sample(v, x, now), where the controller is due, shortened(v, x, h), the part of
+    the step h that may be taken at once, and step(v, x, now, h).
     """
 
     @kernel
@@ -142,12 +143,15 @@ def stepper(sample: Any, step: Any, moving: Moving) -> Any:
             if x[clock.tick] == x[clock.next_sample]:
                 sample(v, x, now)
                 x[clock.next_sample] += x[clock.per_sample]
-            h = length - x[clock.offset]
+            h = shortened(v, x, length - x[clock.offset])
             if h > left + CLOSE * length:
                 back_up(v, x, moving)
                 step(v, x, now, left)
                 break
             step(v, x, now, h)
+            x[clock.offset] += h
+            if x[clock.offset] < (1.0 - CLOSE) * length:
+                continue
             x[clock.tick] += 1.0
             x[clock.offset] = 0.0
 

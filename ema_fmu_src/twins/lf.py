@@ -2,7 +2,7 @@
 
 Shape functions (ours; the paper only says that LF defines some; healthy: f = 1):
 f = (2/3)*sum N_j*sin^2(theta_j)*[1 + p*zeta*cos(theta_j - phi)], R_eq = (2/3)*R*sum N_j*sin^2(theta_j) + R_on.
-Electrical: e = K_e*f*w, v = clamp(R_eq*I_ref + e + (L/tau)*(I_ref - i), +-V_dc/sqrt(3)), L di/dt = v - R_eq*i - e,
+Electrical: e = K_e*f*w, v = clamp(R_eq*I_ref + e + (L/tau)*(I_ref - i), +-2*V_dc/pi), L di/dt = v - R_eq*i - e,
 T_m = 1.5*K_e*f*i; tau = 1e-4 s (ours), trapezoidal rule.
 Controller: I_ref = clamp(K_p*(w_ref - w), +-current_limit): no integral, no sampling.
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
@@ -15,7 +15,7 @@ dead time, a switch that stays open, sensor errors.
 
 import math
 
-from ..physics import monitor, single_phase
+from ..physics import inverter, monitor, single_phase, stability
 from ..physics.controller import cascade
 from ..physics.jit import kernel
 from ..physics.phases import Abc, three_phases
@@ -29,6 +29,8 @@ from .status import Status
 STATES = whole(actuator.ONCE, actuator.MOVING)
 N_STATES = len(STATES)
 MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING))
+MOST_GAIN = 10.0
+"""Largest fault.gain: bounds of the step hold whatever the faults."""
 
 
 @kernel
@@ -43,7 +45,11 @@ def _publish(v, x, t):
 @kernel
 def initialize(v, x):
     """Start at time 0; returns a Status."""
-    status = actuator.start(v, x, v[port.solver.step], N_STATES)
+    K_e, J, step = v[port.motor.K_e], v[port.mechanics.J], v[port.solver.step]
+    longest = stability.for_currents(step, K_e, J, 0.0, v[port.motor.L])
+    longest = stability.for_loop(longest, 1.5 * K_e * v[port.controller.K_p] / J, single_phase.TAU)
+    longest = stability.for_loop(longest, MOST_GAIN * v[port.controller.K_pos], stability.SHORTEST)
+    status = actuator.start(v, x, min(step, longest), longest, N_STATES)
     x[clock.next_sample] = math.inf
     return _publish(v, x, 0.0) if status == Status.OK else status
 
@@ -56,6 +62,7 @@ def _step(v, x, t, h):
     V_dc = max(0.0, host.input_at(v, x, inputs.supply_voltage, t + 0.5 * h))
     command = host.input_at(v, x, inputs.command, t)
     I_ref = cascade.continuous(actuator.gains(v, x), command, motion.position, motion.w)
+    live = inverter.live(V_dc)
 
     p = v[port.motor.p]
     half = 0.5 * h * motion.w
@@ -64,24 +71,25 @@ def _step(v, x, t, h):
     K_f = field.K_e * single_phase.shape(N, field, sines, cosines)
     R_copper = single_phase.resistance(x[derived.R], N, sines)
     R_eq = R_copper + v[port.inverter.R_on]
-    i_new, voltage, limited = single_phase.current(i, I_ref, K_f * motion.w, R_eq, v[port.motor.L], V_dc, h)
-    mean = 0.5 * (i + i_new)
-
     load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
-    theta, w, position, _, T_f = actuator.move(v, x, motion, 1.5 * K_f * mean, load, h)
+    w_ahead = actuator.w_ahead(v, x, motion, 1.5 * K_f * i, load, h)
+    driven = single_phase.current(i, I_ref if live else 0.0, K_f * w_ahead, R_eq, v[port.motor.L], V_dc, h)
+    mean = driven.i_mean
+    _, theta, w, position, T_f, stop = actuator.move(v, x, motion, 1.5 * K_f * mean, load, h)
     s, c = rotate(s, c, p * (theta - motion.theta - half))
     sines, _ = three_phases(s, c)
     means = actuator.Means(
         mean,
-        1.5 * voltage * mean / V_dc if V_dc > 0.0 else 0.0,
+        1.5 * driven.v * mean / V_dc if live else -single_phase.RECTIFIED * abs(mean),
         1.5 * R_copper * mean * mean,
     )
     x[now.I_ref] = I_ref
-    moved = actuator.Motion(theta, w, position, s, c, T_f)
-    actuator.store(v, x, h, moved, Abc(-i_new * sines.a, -i_new * sines.b, -i_new * sines.c), means, limited)
+    moved = actuator.Motion(theta, w, position, s, c, T_f, stop)
+    i_new = Abc(-driven.i * sines.a, -driven.i * sines.b, -driven.i * sines.c)
+    actuator.store(v, x, h, moved, i_new, means, driven.limited or not live)
 
 
-_run = host.stepper(host.unsampled, _step, MOVING)
+_run = host.stepper(host.unsampled, actuator.shortened, _step, MOVING)
 
 
 @kernel

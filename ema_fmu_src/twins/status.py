@@ -22,3 +22,8 @@ class Status(IntEnum):
         "try solver.event_located=false with solver.step=1e-6",
     )
     NOT_FINITE = 3, "the solution is no longer finite; check parameters and inputs, or try a smaller solver.step"
+    STIFF = (
+        4,
+        "rotor and currents move faster than steps of 1e-9 s can follow; a larger mechanics.J or motor.L, a smaller "
+        "motor.K_e or smaller controller gains are needed",
+    )
