@@ -16,6 +16,7 @@ import xarray as xr
 
 from ema_fmu_src import ports
 from ema_fmu_src.fidelities import Fidelity
+from harness.comparison import FIGURES
 from harness.errors import HarnessError
 from harness.fidelity import parse_fidelities
 from harness.flight.twin import Twin
@@ -31,8 +32,8 @@ STATE = {
     "initial.reference_current": "reference_current",
     "initial.current_filtered": "equivalent_current_filtered",
 }
-"""The parameter of the next twin, and the output of the last one that it takes; the integral comes besides."""
-WATCHED = ("position", "motor_speed", "equivalent_current_filtered")
+"""A parameter of the next twin, and the output of the last one that it is set to; the integral is handed over besides."""
+WATCHED = tuple(variable for variable, _ in FIGURES)
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Jump:
 
 
 def parse_schedule(text: str) -> Schedule:
-    """A schedule from text such as ELF+:HF@1.2 or HF:ELF+@0.6:HF@1.4; HarnessError for another text."""
+    """A schedule from text such as ELF+:HF@1.2 or HF:ELF+@0.6:HF@1.4; HarnessError for any other."""
     first, *rest = text.split(":")
     wanted = f"--switch {text}: FIDELITY:FIDELITY@SECONDS is needed, such as ELF+:HF@1.2"
     if not rest or "@" in first:
