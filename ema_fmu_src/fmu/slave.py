@@ -20,7 +20,7 @@ from pythonfmu.enums import Fmi2Status
 from pythonfmu.variables import Boolean, Integer, Real
 
 from .. import ports
-from ..twins import STALE, STATUS, TOLERANCE, TWINS
+from ..twins import STALE, TOLERANCE, TWINS
 from . import description
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean}
@@ -186,9 +186,9 @@ class Slave(Fmi2Slave):
             self._twin.advance(self._v.copy(), self._x.copy(), 0.0)
 
     def _initialize(self) -> None:
-        status = int(self._twin.initialize(self._v, self._x))
+        status = self._twin.initialize(self._v, self._x)
         self._x[TOLERANCE] = self._tolerance
-        self._failed = STATUS[status]
+        self._failed = status.message
         self._fresh = True
 
     def do_step(self, current_time: float, step_size: float) -> bool:
@@ -197,9 +197,9 @@ class Slave(Fmi2Slave):
         self._refused = ""
         if not problem:
             end = current_time + step_size
-            status = int(self._twin.advance(self._v, self._x, end - self._start))
+            status = self._twin.advance(self._v, self._x, end - self._start)
             self._point = end
-            self._failed = problem = STATUS[status]
+            self._failed = problem = status.message
         if problem:
             self.log(
                 f"step from {current_time} s over {step_size} s discarded: {problem}",

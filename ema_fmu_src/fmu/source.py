@@ -7,8 +7,8 @@ PACKAGE = Path(__file__).resolve().parent.parent
 RUNTIME = (
     "__init__.py",
     "ports.py",
-    "physics/*.py",
-    "twins/*.py",
+    "physics/**/*.py",
+    "twins/**/*.py",
     "fmu/__init__.py",
     "fmu/description.py",
     "fmu/slave.py",

@@ -1,11 +1,24 @@
-"""HF's inverter: three legs under hysteresis control, with dead time, diodes and a switch that may stay open."""
+"""HF's inverter: three legs with dead time, diodes, and a switch that may stay open."""
+
+from typing import NamedTuple
 
 from .jit import kernel
+from .phases import Abc
+from .windings import inductor_voltages, per_sum, star_point
+
+
+class Leg(NamedTuple):
+    """What a leg remembers: the commanded switch u (+1 upper, -1 lower), what is left of its dead time, and how fast its
+    current error nears the band (0: not known)."""
+
+    u: float
+    dead_left: float
+    closing: float
 
 
 @kernel
 def open_side(open_switch, leg):
-    """+1 (upper) or -1 (lower) if `fault.open_switch` (1, 2: leg 0; 3, 4: leg 1; 5, 6: leg 2) is in `leg`, else 0."""
+    """+1 (upper) or -1 (lower) if `open_switch` (1, 2: leg 0; 3, 4: leg 1; 5, 6: leg 2) is in number `leg`, else 0."""
     code = int(open_switch) - 2 * leg
     if code == 1:
         return 1.0
@@ -15,27 +28,11 @@ def open_side(open_switch, leg):
 
 
 @kernel
-def hysteresis(u_j, rest_j, error_j, band, margin, dead_time, closing_j):
-    """The commanded switch u_j (+1 upper, -1 lower) and the rest of its dead time [s] after a look at the comparator.
-
-    error_j = i_ref_j - i_j [A]: at +band the upper switch is commanded, at -band the lower, between them nothing
-    changes. `margin` [A] is how close to the band counts as there. An error that is beyond the band has got there by
-    `closing_j` [A/s] (0: not known), so that part of the dead time is over.
-    """
-    beyond = -u_j * error_j - band
-    if beyond < -margin:
-        return u_j, rest_j
-    if beyond > 0.0 and closing_j > 0.0:
-        dead_time -= beyond / closing_j
-    return -u_j, max(0.0, dead_time)
-
-
-@kernel
-def gate(u_j, rest_j, open_side_j):
+def gate(leg_j, open_side_j):
     """Which switch of a leg conducts: +1, -1, or 0 while both are off (dead time, or the commanded switch is open)."""
-    if rest_j > 0.0 or u_j == open_side_j:
+    if leg_j.dead_left > 0.0 or leg_j.u == open_side_j:
         return 0.0
-    return u_j
+    return leg_j.u
 
 
 @kernel
@@ -54,8 +51,14 @@ def rail(gate_j, i_j):
 
 
 @kernel
+def leg_voltages(rails, V_dc):
+    """v_j = +-V_dc/2 about the mid-point."""
+    return Abc(0.5 * V_dc * rails.a, 0.5 * V_dc * rails.b, 0.5 * V_dc * rails.c)
+
+
+@kernel
 def forward_biased(v_open, V_dc):
-    """The rail whose diode starts to conduct when an open leg's terminal is at `v_open` [V] about the mid-point, or 0."""
+    """The rail whose diode starts to conduct when an open leg's terminal is at `v_open` about the mid-point, or 0."""
     if v_open > 0.5 * V_dc:
         return 1.0
     if v_open < -0.5 * V_dc:
@@ -64,29 +67,53 @@ def forward_biased(v_open, V_dc):
 
 
 @kernel
-def time_to_event(
-    h, u_j, error_j, closing_j, band, dead_time, rest_j, gate_j, rail_j, i_j, slope_j, decay_j
-):  # fmt: skip
-    """The earlier of `h` and the next time [s] at which a leg's voltage changes, as the slopes predict it.
+def conduction(rails, star, i, e, V_dc):
+    """The rails once the diodes of open legs are looked at; 1/L_j of the legs that conduct, and 1 over their sum."""
+    if rails.a != 0.0 and rails.b != 0.0 and rails.c != 0.0:
+        return rails, star.G, star.per_G
+    g = _conducting(rails, star.G)
+    v_n = star_point(inductor_voltages(leg_voltages(rails, V_dc), star.R, i, e), g, per_sum(g))
+    rails = Abc(
+        rails.a if rails.a != 0.0 else forward_biased(v_n + e.a, V_dc),
+        rails.b if rails.b != 0.0 else forward_biased(v_n + e.b, V_dc),
+        rails.c if rails.c != 0.0 else forward_biased(v_n + e.c, V_dc),
+    )
+    g = _conducting(rails, star.G)
+    return rails, g, per_sum(g)
 
-    closing_j: how fast the error nears the band [A/s]; i_j, slope_j: the current and its slope; decay_j = R_j/L_j [1/s],
-    which bends it. A comparator that turns while the current flows through the diode of the leg's present rail changes
-    nothing before the dead time is over; the end of a dead time changes nothing where the diode has led to the new rail
-    already. So a commutation takes one step instead of two, which halves HF's time. A current that may die out in the
-    dead time is looked at step by step.
+
+@kernel
+def _conducting(rails, G):
+    return Abc(
+        G.a if rails.a != 0.0 else 0.0,
+        G.b if rails.b != 0.0 else 0.0,
+        G.c if rails.c != 0.0 else 0.0,
+    )
+
+
+@kernel
+def time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j):
+    """The earlier of `h` and the time at which a leg that is off changes its voltage by itself, as the slope predicts it.
+
+    The end of a dead time changes nothing where the diode has led to the new rail already.
     """
-    if closing_j > 0.0:
-        kept = gate_j != 0.0 and u_j * i_j < -2.0 * dead_time * abs(slope_j)
-        wait = dead_time if kept else 0.0
-        distance = u_j * error_j + band
-        if closing_j * (h - wait) > distance:
-            t = distance / closing_j
-            h = t + 0.5 * decay_j * u_j * t * t * slope_j / closing_j + wait
     if gate_j == 0.0:
-        if 0.0 < rest_j < h and rail_j != u_j:
-            h = rest_j
+        if 0.0 < leg_j.dead_left < h and rail_j != leg_j.u:
+            h = leg_j.dead_left
         if i_j * slope_j < 0.0 and abs(slope_j) * h > abs(i_j):
             zero = abs(i_j / slope_j)
-            if zero < rest_j or rest_j <= 0.0:
+            if zero < leg_j.dead_left or leg_j.dead_left <= 0.0:
                 h = zero
     return h
+
+
+@kernel
+def cut_off(leg_j, open_side_j, i_j, i_new_j):
+    """What is to be taken off `i_new_j`, the current after a step: all of it where the leg is off and i_j has crossed zero."""
+    if gate(leg_j, open_side_j) != 0.0:
+        return 0.0
+    if i_j * i_new_j < 0.0:
+        return i_new_j
+    if i_j != 0.0 and -1e-9 < i_new_j < 1e-9:
+        return i_new_j
+    return 0.0

@@ -1,36 +1,49 @@
 """Rotor and gear on the motor side: Borello's dry friction, load-dependent friction, end stops, backlash."""
 
+from typing import NamedTuple
+
 from .jit import kernel
 
 
-@kernel
-def load_friction(T_L, direction, loss_opposing, loss_aiding):
-    """Friction of the loaded gear [N.m], motor side, added to both dry-friction limits.
+class Friction(NamedTuple):
+    """What brakes the rotor: limits of the dry friction, losses of the loaded gear, viscous coefficient.
 
-    loss_opposing*|T_L|, 1/eta_opposing - 1, when the load opposes the motion; loss_aiding*|T_L|, 1 - eta_aiding, when it
-    aids it. `direction` is that of the motion or, at rest, of the torque that would start it.
+    loss_opposing = 1/eta_opposing - 1, loss_aiding = 1 - eta_aiding.
+    """
+
+    T_static: float
+    T_coulomb: float
+    loss_opposing: float
+    loss_aiding: float
+    C: float
+
+
+@kernel
+def load_friction(T_L, direction, friction):
+    """Friction of the loaded gear, added to both dry-friction limits: loss_opposing*|T_L| when the load opposes the motion,
+    loss_aiding*|T_L| when it aids it. `direction` is that of the motion or, at rest, of the torque that would start it.
     """
     if T_L * direction > 0.0:
-        return loss_opposing * abs(T_L)
-    return loss_aiding * abs(T_L)
+        return friction.loss_opposing * abs(T_L)
+    return friction.loss_aiding * abs(T_L)
 
 
 @kernel
-def rotor(w, T_m, T_L, T_static, T_coulomb, loss_opposing, loss_aiding, C, J, h):
-    """Speed [rad/s] after a step h and the dry-friction torque [N.m] during it: J dw/dt = T_m - C*w - T_L - T_f.
+def rotor(w, T_m, T_L, friction, J, h):
+    """w after a step h, and the dry friction T_f during it: J dw/dt = T_m - C*w - T_L - T_f.
 
     Friction after Borello: at rest it balances the net torque up to the static limit; beyond it, or moving, the Coulomb
     value opposes; a speed that would change sign in the step stops at zero. Viscous friction by the trapezoidal rule.
     """
     net = T_m - T_L
     direction = w if w != 0.0 else net
-    extra = load_friction(T_L, direction, loss_opposing, loss_aiding)
-    T_f = T_coulomb + extra
-    if w == 0.0 and abs(net) <= max(T_static, T_coulomb) + extra:
+    extra = load_friction(T_L, direction, friction)
+    T_f = friction.T_coulomb + extra
+    if w == 0.0 and abs(net) <= max(friction.T_static, friction.T_coulomb) + extra:
         return 0.0, net
     if direction < 0.0:
         T_f = -T_f
-    w_new = w + h * (net - T_f - C * w) / (J + 0.5 * h * C)
+    w_new = w + h * (net - T_f - friction.C * w) / (J + 0.5 * h * friction.C)
     if w * w_new < 0.0:
         return 0.0, T_f
     return w_new, T_f
@@ -38,7 +51,7 @@ def rotor(w, T_m, T_L, T_static, T_coulomb, loss_opposing, loss_aiding, C, J, h)
 
 @kernel
 def end_stop(theta, w, theta_max):
-    """Angle [rad] and speed [rad/s] of the rotor behind inelastic stops at +-theta_max."""
+    """theta and w behind inelastic stops at +-theta_max."""
     if theta >= theta_max and w >= 0.0:
         return theta_max, 0.0
     if theta <= -theta_max and w <= 0.0:
@@ -47,10 +60,10 @@ def end_stop(theta, w, theta_max):
 
 
 @kernel
-def play(position, x, half):
-    """Play (backlash) operator: the user shaft stays within +-half of the gear's x = theta/G [rad]."""
-    if position > x + half:
-        return x + half
-    if position < x - half:
-        return x - half
+def play(position, x, half_play):
+    """Play (backlash) operator: the user shaft stays within +-half_play of the gear's x = theta/G."""
+    if position > x + half_play:
+        return x + half_play
+    if position < x - half_play:
+        return x - half_play
     return position

@@ -8,14 +8,14 @@ INV_SQRT3 = 1.0 / math.sqrt(3.0)
 
 
 @kernel
-def quadrature_current(i_a, i_b, i_c, s, c):
-    """-i_alpha*sin(theta_e) + i_beta*cos(theta_e) [A], i_alpha = (2 i_a - i_b - i_c)/3, i_beta = (i_b - i_c)/sqrt(3)."""
-    i_alpha = (2.0 * i_a - i_b - i_c) * (1.0 / 3.0)
-    i_beta = (i_b - i_c) * INV_SQRT3
+def quadrature_current(i, s, c):
+    """-i_alpha*sin(theta_e) + i_beta*cos(theta_e), i_alpha = (2 i_a - i_b - i_c)/3, i_beta = (i_b - i_c)/sqrt(3)."""
+    i_alpha = (2.0 * i.a - i.b - i.c) * (1.0 / 3.0)
+    i_beta = (i.b - i.c) * INV_SQRT3
     return i_beta * c - i_alpha * s
 
 
 @kernel
 def low_pass(y, u, smoothing):
-    """First-order low-pass after a step with the mean input u (trapezoidal rule): smoothing = h/(tau + h/2)."""
+    """First-order low-pass y after a step h with the mean input u (trapezoidal rule): smoothing = h/(tau + h/2)."""
     return y + (u - y) * smoothing

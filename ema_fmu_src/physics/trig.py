@@ -8,7 +8,6 @@ TWO_OVER_PI = 2.0 / math.pi
 PIO2_HIGH = 1.57079632673412561417e00
 """The first 33 bits of pi/2, so that a small integer times it is exact (Cody and Waite)."""
 PIO2_LOW = 6.07710050650619224932e-11
-HALF_SQRT3 = math.sqrt(3.0) / 2.0
 NAN = math.nan
 
 
@@ -77,19 +76,6 @@ def rotate(s, c, d):
     else:
         sd, cd = sincos(d)
     return s * cd + c * sd, c * cd - s * sd
-
-
-@kernel
-def three_phases(s, c):
-    """Sines and cosines of theta_j = theta_e - 2*pi*j/3, j = a, b, c, from those of theta_e: s_a, s_b, s_c, c_a, ..."""
-    return (
-        s,
-        -0.5 * s - HALF_SQRT3 * c,
-        -0.5 * s + HALF_SQRT3 * c,
-        c,
-        -0.5 * c + HALF_SQRT3 * s,
-        -0.5 * c - HALF_SQRT3 * s,
-    )
 
 
 @kernel

@@ -5,13 +5,13 @@ The contract between a twin and whatever runs it (the native runtime's C, the py
 - `v`, float64, one place a variable of `ports.VARIABLES` (its value reference): the host writes inputs and parameters,
   the twin writes outputs and local variables.
 - `x`, float64, `n_states` places: everything that the twin remembers, so that a copy of `v` and `x` is a copy of the
-  twin. The host writes three things into it: `x[STALE] = 1.0` after a tunable parameter has changed, `x[SLOPE + i]`,
-  the slope of input i over the coming step (per second; 0 holds the input), and, after `initialize`, `x[TOLERANCE]`, the
-  relative tolerance of the experiment (0: none given).
-- `initialize(v, x) -> status` starts the twin at time 0 from the parameters and inputs in `v` and writes the outputs.
-- `advance(v, x, t) -> status` runs to time `t` in seconds since the start and writes the outputs. The inputs in `v` are
+  twin. The host writes three things into it: `x[STALE] = 1.0` after a tunable parameter has changed, `x[SLOPES[NAME]]`,
+  the slope of the input NAME over the coming step (per second; 0 holds the input), and, after `initialize`, `x[TOLERANCE]`,
+  the relative tolerance of the experiment (0: none given).
+- `initialize(v, x) -> Status` starts the twin at time 0 from the parameters and inputs in `v` and writes the outputs.
+- `advance(v, x, t) -> Status` runs to time `t` in seconds since the start and writes the outputs. The inputs in `v` are
   those at the beginning of the step. Steps may have any length > 0; the twin keeps its own ticks.
-- the status is 0, or an index into `STATUS`; after another status than 0 the twin is not to be advanced.
+- after another status than OK the twin is not to be advanced.
 
 The functions are numba dispatchers that accept numpy arrays or, for the native runtime, `CPointer(float64)`; they
 allocate nothing, call no library and run unchanged as plain Python with NUMBA_DISABLE_JIT=1.
@@ -19,12 +19,17 @@ allocate nothing, call no library and run unchanged as plain Python with NUMBA_D
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
-from . import elf, hf, lf
-from .layout import SLOPE, STALE, STATUS, TOLERANCE
+from .. import ports
+from .host import SLOPES, told
+from .status import Status
 
-__all__ = ["SLOPE", "STALE", "STATUS", "TOLERANCE", "TWINS", "Twin"]
+__all__ = ["SLOPES", "STALE", "TOLERANCE", "TWINS", "Status", "Twin"]
+
+STALE: int = told.stale
+TOLERANCE: int = told.tolerance
 
 
 @dataclass(frozen=True)
@@ -34,24 +39,14 @@ class Twin:
     name: str
     title: str
     n_states: int
-    initialize: Callable[[Any, Any], int]
-    advance: Callable[[Any, Any, float], int]
+    initialize: Callable[[Any, Any], Status]
+    advance: Callable[[Any, Any, float], Status]
 
 
-TWINS: dict[str, Twin] = {
-    "HF": Twin(
-        "HF",
-        "High fidelity: switching inverter, hysteresis current control, star-connected three-phase PMSM",
-        hf.N_STATES,
-        hf.initialize,
-        hf.advance,
-    ),
-    "ELF": Twin(
-        "ELF",
-        "Enhanced low fidelity: three phases, no switching; with coupled saturation on request (ELF+)",
-        elf.N_STATES,
-        elf.initialize,
-        elf.advance,
-    ),
-    "LF": Twin("LF", "Low fidelity: equivalent single phase", lf.N_STATES, lf.initialize, lf.advance),
-}
+def _twin(name: str) -> Twin:
+    """The fidelity `name`, from the module of that name."""
+    module = import_module(f".{name.lower()}", __package__)
+    return Twin(name, module.TITLE, len(module.STATES), module.initialize, module.advance)
+
+
+TWINS: dict[str, Twin] = {name: _twin(name) for name in ports.MODELS}

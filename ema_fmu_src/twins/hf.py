@@ -15,13 +15,41 @@ rule of its own: `_step_to_event` (solver.event_located) or `_fixed_step`, alway
 Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dynamics, forward voltage of the diodes.
 """
 
-from ..physics import controller, inverter, monitor, sensor, windings
-from ..physics.jit import kernel
-from ..physics.trig import clamp, rotate, sincos, three_phases
-from . import frame
-from . import layout as at
+from typing import NamedTuple
 
-N_STATES = at.N_STATES
+from ..physics import inverter, monitor, sensor, windings
+from ..physics.inverter import Leg
+from ..physics.jit import kernel
+from ..physics.modulator import hysteresis, reference
+from ..physics.modulator.reference import Reference
+from ..physics.phases import Abc, three_phases
+from ..physics.trig import clamp, rotate, sincos
+from . import actuator, host
+from .actuator import derived, now, since
+from .host import clock, inputs, told, trial
+from .memory import Moving, State, places, port, whole
+from .status import Status
+
+TITLE = "High fidelity: switching inverter, hysteresis current control, star-connected three-phase PMSM"
+OWN = (
+    State("ref_cos", "A", "I_ref times the cosine of the latched error of the electrical angle"),
+    State("ref_sin", "A", "I_ref times its sine"),
+    State("u_a", "1", "commanded switch of leg a: +1 upper, -1 lower"),
+    State("u_b", "1", "commanded switch of leg b"),
+    State("u_c", "1", "commanded switch of leg c"),
+    State("dead_left_a", "s", "what is left of the dead time of leg a"),
+    State("dead_left_b", "s", "what is left of the dead time of leg b"),
+    State("dead_left_c", "s", "what is left of the dead time of leg c"),
+    State("closing_a", "A/s", "how fast the current error of leg a neared the band in the last step"),
+    State("closing_b", "A/s", "how fast that of leg b did"),
+    State("closing_c", "A/s", "how fast that of leg c did"),
+)
+"""What HF remembers of its motion beside what all fidelities do."""
+STATES = whole(actuator.ONCE, (*actuator.MOVING, *OWN))
+N_STATES = len(STATES)
+MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING) + len(OWN))
+own = places("own", OWN, first=len(actuator.ONCE) + len(actuator.MOVING))
+
 MOST_STEPS = 20000
 """Bound of event-located steps in one controller period; a healthy run takes some 60."""
 SHORTEST = 1e-9
@@ -35,267 +63,289 @@ LIMITED_AT = 2.2
 reach 2 without it."""
 
 
+class Machine(NamedTuple):
+    """What stays as it is within a communication step."""
+
+    p: float
+    R: float
+    tau: float
+    N: Abc
+    field: windings.Field
+    star: windings.Star
+    comparator: hysteresis.Comparator
+    open_side: Abc
+    offset: Abc
+
+
+class Circuit(NamedTuple):
+    """The legs and the star between two switchings: switches, rails, 1/L of what conducts, voltages, slopes of currents."""
+
+    gate: Abc
+    rail: Abc
+    g: Abc
+    per_g: float
+    v: Abc
+    slope: Abc
+
+
+class Sums(NamedTuple):
+    """Filtered equivalent current, supply charge, copper loss."""
+
+    i_filtered: float
+    charge: float
+    loss: float
+
+
 @kernel
 def initialize(v, x):
-    """Start at time 0; returns a status of layout.STATUS."""
-    return frame.start(v, x, v[at.PERIOD])
+    """Start at time 0; returns a Status."""
+    status = actuator.start(v, x, v[port.controller.period], N_STATES)
+    if status != Status.OK:
+        return status
+    x[own.ref_cos] = x[now.I_ref]
+    x[own.u_a], x[own.u_b], x[own.u_c] = -1.0, -1.0, -1.0
+    return actuator.publish(v, x, 0.0)
 
 
 @kernel
-def _sample(v, x, t):
-    """The controller's sample at time `t` [s], on the frame OWN."""
-    o = at.OWN
-    p, G, bits = v[at.PAIRS], v[at.RATIO], v[at.RESOLVER_BITS]
-    theta = x[o + at.THETA]
-    measured = sensor.resolver(theta + v[at.FAULT_RESOLVER], bits)
-    position = sensor.resolver(x[o + at.POSITION] * G + v[at.FAULT_RESOLVER], bits) / G
-    command = frame.held_input(v, x, at.COMMAND, t)
-    w_ref = controller.speed_reference(command, position, v[at.FAULT_GAIN] * v[at.K_POS], G, v[at.SPEED_LIMIT])
-    I_ref, x[o + at.XI] = controller.speed_pi(
-        w_ref, x[o + at.W], x[o + at.XI], v[at.K_P], v[at.K_I], v[at.PERIOD], v[at.CURRENT_LIMIT]
+def _machine(v, x):
+    """The machine with its faults."""
+    N, R, band = actuator.turns(v), x[derived.R], v[port.inverter.hysteresis]
+    tolerance = clamp(x[told.tolerance], FINEST, COARSEST) if x[told.tolerance] > 0.0 else MARGIN
+    margin = tolerance * band if v[port.solver.event_located] != 0.0 else 0.0
+    switch = v[port.fault.open_switch]
+    return Machine(
+        v[port.motor.p],
+        R,
+        v[port.monitor.tau],
+        N,
+        actuator.field(x),
+        windings.star(N, R, v[port.inverter.R_on], v[port.motor.L]),
+        hysteresis.Comparator(band, margin, v[port.inverter.dead_time]),
+        Abc(inverter.open_side(switch, 0), inverter.open_side(switch, 1), inverter.open_side(switch, 2)),
+        Abc(v[port.fault.current_offset_a], v[port.fault.current_offset_b], v[port.fault.current_offset_c]),
     )
-    s, c = sincos(p * (measured - theta))
-    x[o + at.I_REF] = I_ref
-    x[o + at.REF_COS] = I_ref * c
-    x[o + at.REF_SIN] = I_ref * s
-    x[o + at.SIN], x[o + at.COS] = sincos(p * theta)
+
+
+@kernel
+def _read(x):
+    """What moves, from `x`: motion, currents, legs, sums."""
+    legs = Abc(
+        Leg(x[own.u_a], x[own.dead_left_a], x[own.closing_a]),
+        Leg(x[own.u_b], x[own.dead_left_b], x[own.closing_b]),
+        Leg(x[own.u_c], x[own.dead_left_c], x[own.closing_c]),
+    )
+    return actuator.motion(x), actuator.currents(x), legs, Sums(x[now.i_filtered], x[now.charge], x[now.loss])
+
+
+@kernel
+def _write(x, motion, i, legs, sums):
+    """What moves, into `x`."""
+    actuator.write_motion(x, motion)
+    actuator.write_currents(x, i)
+    x[own.u_a], x[own.dead_left_a], x[own.closing_a] = legs.a
+    x[own.u_b], x[own.dead_left_b], x[own.closing_b] = legs.b
+    x[own.u_c], x[own.dead_left_c], x[own.closing_c] = legs.c
+    x[now.i_filtered], x[now.charge], x[now.loss] = sums
+
+
+@kernel
+def _sample(v, x, motion, t):
+    """The controller's sample at time `t` [s], through the resolver: writes the reference."""
+    p, G, bits, offset = v[port.motor.p], v[port.gear.ratio], v[port.sensor.resolver_bits], v[port.fault.resolver_offset]
+    measured = sensor.resolver(motion.theta + offset, bits)
+    position = sensor.resolver(motion.position * G + offset, bits) / G
+    I_ref = actuator.control(v, x, t, position, motion.w)
+    s, c = sincos(p * (measured - motion.theta))
+    x[own.ref_cos], x[own.ref_sin] = I_ref * c, I_ref * s
+
+
+@kernel
+def _look(comparator, legs, error):
+    """The modulator's look at the legs."""
+    return Abc(
+        hysteresis.compare(comparator, legs.a, error.a),
+        hysteresis.compare(comparator, legs.b, error.b),
+        hysteresis.compare(comparator, legs.c, error.c),
+    )
+
+
+@kernel
+def _circuit(m, motion, i, legs, s, c, V_dc):
+    """The circuit that switches, diodes and the star make of the legs."""
+    gate = Abc(
+        inverter.gate(legs.a, m.open_side.a), inverter.gate(legs.b, m.open_side.b), inverter.gate(legs.c, m.open_side.c)
+    )
+    e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
+    tied = Abc(inverter.rail(gate.a, i.a), inverter.rail(gate.b, i.b), inverter.rail(gate.c, i.c))
+    rail, g, per_g = inverter.conduction(tied, m.star, i, e, V_dc)
+    v = inverter.leg_voltages(rail, V_dc)
+    d = windings.inductor_voltages(v, m.star.R, i, e)
+    v_n = windings.star_point(d, g, per_g)
+    slope = Abc(g.a * (d.a - v_n), g.b * (d.b - v_n), g.c * (d.c - v_n))
+    return Circuit(gate, rail, g, per_g, v, slope)
+
+
+@kernel
+def _event(h, comparator, leg_j, error_j, gate_j, rail_j, i_j, slope_j, decay_j):
+    """The earlier of `h` and the next change of a leg's voltage."""
+    h = hysteresis.time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j)
+    return inverter.time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j)
+
+
+@kernel
+def _step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, longest):
+    """The legs with the speeds of their errors, and the event-located step: to the next event, at most `longest`."""
+    slope, gate, rail = circuit.slope, circuit.gate, circuit.rail
+    legs = Abc(
+        hysteresis.approach(legs.a, ref, slope.a, w_e, s.a, c.a),
+        hysteresis.approach(legs.b, ref, slope.b, w_e, s.b, c.b),
+        hysteresis.approach(legs.c, ref, slope.c, w_e, s.c, c.c),
+    )
+    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, star.R.a * star.G.a)
+    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, star.R.b * star.G.b)
+    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, star.R.c * star.G.c)
+    return legs, min(longest, max(h, SHORTEST))
 
 
 @kernel
 def _fixed_step(step, to_tick):
-    """The fixed rule [s]: `step`, the last one before the controller's tick taking up what rounding has left."""
+    """The fixed rule: `step`, the last one before the controller's tick taking up what rounding has left."""
     return to_tick if to_tick < 1.5 * step else step
 
 
 @kernel
-def _settle(i_old, i_new, gate):
-    """What is left [A] of the current of a leg that is off and whose current has crossed zero in the step: taken off."""
-    if gate == 0.0 and i_old * i_new < 0.0:
-        return i_new
-    if gate == 0.0 and i_old != 0.0 and -1e-9 < i_new < 1e-9:
-        return i_new
-    return 0.0
+def _cut_off(open_side, legs, i, i_new):
+    """The new currents once those of legs that are off have stopped at zero; the star shares out what is taken off."""
+    a, b, c = i_new
+    cut_a = inverter.cut_off(legs.a, open_side.a, i.a, a)
+    cut_b = inverter.cut_off(legs.b, open_side.b, i.b, b)
+    cut_c = inverter.cut_off(legs.c, open_side.c, i.c, c)
+    if cut_a != 0.0:
+        a, b, c = 0.0, b + 0.5 * cut_a, c + 0.5 * cut_a
+    if cut_b != 0.0:
+        a, b, c = a + 0.5 * cut_b, 0.0, c + 0.5 * cut_b
+    if cut_c != 0.0:
+        a, b, c = a + 0.5 * cut_c, b + 0.5 * cut_c, 0.0
+    return Abc(a, b, c)
 
 
 @kernel
-def _mean(i_old, i_middle, i_new):
-    """Mean current [A] over a step: the middle, taken along the first slope, misses the bend one way, the ends another."""
-    return (i_old + i_middle + i_new) * (1.0 / 3.0)
+def _mean(i_j, i_middle_j, i_new_j):
+    """Mean current over a step: the middle, taken along the first slope, misses the bend one way, the ends another."""
+    return (i_j + i_middle_j + i_new_j) * (1.0 / 3.0)
 
 
 @kernel
-def _square(i_old, i_new):
-    """Mean square [A^2] of a current that is straight over a step."""
-    return (i_old * i_old + i_old * i_new + i_new * i_new) * (1.0 / 3.0)
+def _square(i_j, i_new_j):
+    """Mean square of a current that is straight over a step."""
+    return (i_j * i_j + i_j * i_new_j + i_new_j * i_new_j) * (1.0 / 3.0)
 
 
 @kernel
-def _store(
-    x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
-    closing_a, closing_b, closing_c, filtered, charge, loss, friction,
-):  # fmt: skip
-    """Write what `advance` holds in its variables into the frame at `o`."""
-    x[o + at.THETA], x[o + at.W], x[o + at.POSITION] = theta, w, position
-    x[o + at.SIN], x[o + at.COS] = s, c
-    x[o + at.I_A], x[o + at.I_B], x[o + at.I_C] = i_a, i_b, i_c
-    x[o + at.U_A], x[o + at.U_B], x[o + at.U_C] = u_a, u_b, u_c
-    x[o + at.REST_A], x[o + at.REST_B], x[o + at.REST_C] = rest_a, rest_b, rest_c
-    x[o + at.CLOSING_A], x[o + at.CLOSING_B], x[o + at.CLOSING_C] = closing_a, closing_b, closing_c
-    x[o + at.I_FILTERED], x[o + at.CHARGE], x[o + at.LOSS] = filtered, charge, loss
-    x[o + at.FRICTION] = friction
+def _sum_up(m, sums, circuit, i, i_middle, i_new, s, c, h):
+    """The sums after a step h with theta_e = asin(s) at its middle.
+
+    They take the currents' bend within the step into account: third order, at one step a commutation.
+    """
+    N, rail = m.N, circuit.rail
+    loss = sums.loss + h * m.R * (
+        N.a * _square(i.a, i_new.a) + N.b * _square(i.b, i_new.b) + N.c * _square(i.c, i_new.c)
+    )
+    mean = Abc(_mean(i.a, i_middle.a, i_new.a), _mean(i.b, i_middle.b, i_new.b), _mean(i.c, i_middle.c, i_new.c))
+    q = monitor.quadrature_current(mean, s, c)
+    i_filtered = monitor.low_pass(sums.i_filtered, q, h / (m.tau + 0.5 * h))
+    charge = sums.charge + 0.5 * h * (rail.a * mean.a + rail.b * mean.b + rail.c * mean.c)
+    return Sums(i_filtered, charge, loss)
+
+
+@kernel
+def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
+    """A step h by the midpoint rule: the middle from the slopes at the beginning, the step from the slopes at the middle."""
+    s, c = rotate(motion.s, motion.c, 0.5 * m.p * motion.w * h)
+    sines, cosines = three_phases(s, c)
+    k = windings.back_emf_coefficients(m.N, m.field, sines, cosines)
+    slope, g = circuit.slope, circuit.g
+    middle = Abc(i.a + 0.5 * h * slope.a, i.b + 0.5 * h * slope.b, i.c + 0.5 * h * slope.c)
+    theta, w, position, w_mean, T_f = actuator.move(v, x, motion, windings.torque(k, middle), load, h)
+    d = windings.inductor_voltages(circuit.v, m.star.R, middle, windings.back_emf(k, w_mean))
+    v_n = windings.star_point(d, g, circuit.per_g)
+    i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
+    legs = Abc(
+        Leg(legs.a.u, legs.a.dead_left - h, legs.a.closing),
+        Leg(legs.b.u, legs.b.dead_left - h, legs.b.closing),
+        Leg(legs.c.u, legs.c.dead_left - h, legs.c.closing),
+    )
+    if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
+        i_new = _cut_off(m.open_side, legs, i, i_new)
+    sums = _sum_up(m, sums, circuit, i, middle, i_new, s, c, h)
+    s, c = rotate(motion.s, motion.c, m.p * (theta - motion.theta))
+    return actuator.Motion(theta, w, position, s, c, T_f), i_new, legs, sums
+
+
+@kernel
+def _tick(x, band, error):
+    """End a controller period: see whether the voltage fell short."""
+    x[clock.tick] += 1.0
+    worst = max(abs(error.a), abs(error.b), abs(error.c))
+    x[now.limited] = 1.0 if worst > LIMITED_AT * band else 0.0
+    x[since.limited] += x[now.limited]
 
 
 @kernel
 def advance(v, x, t):
-    """Run to time `t` [s] since the start; returns a status of layout.STATUS."""
-    T_c = v[at.PERIOD]
-    status = frame.take_in(v, x, T_c)
-    if status != at.OK:
+    """Run to time `t` [s] since the start; returns a Status."""
+    T_c = v[port.controller.period]
+    status = actuator.begin(v, x, T_c, MOVING)
+    if status != Status.OK:
         return status
-
-    p = v[at.PAIRS]
-    N_a, N_b, N_c = v[at.FAULT_N_A], v[at.FAULT_N_B], v[at.FAULT_N_C]
-    R = x[at.R_HOT]
-    R_on = v[at.R_ON]
-    R_a, R_b, R_c = N_a * R + R_on, N_b * R + R_on, N_c * R + R_on
-    L = v[at.L]
-    G_a, G_b, G_c = 1.0 / (N_a * N_a * L), 1.0 / (N_b * N_b * L), 1.0 / (N_c * N_c * L)
-    z_cos, z_sin, K_e = x[at.Z_COS], x[at.Z_SIN], x[at.K_HOT]
-    band, dead_time = v[at.HYSTERESIS], v[at.DEAD_TIME]
-    off_a, off_b, off_c = v[at.FAULT_OFFSET_A], v[at.FAULT_OFFSET_B], v[at.FAULT_OFFSET_C]
-    open_a = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 0)
-    open_b = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 1)
-    open_c = inverter.open_side(v[at.FAULT_OPEN_SWITCH], 2)
-    per_G = windings.per_sum(G_a, G_b, G_c)
-    tau = v[at.TAU]
-    located = v[at.EVENT_LOCATED] != 0.0
-    largest = x[at.GRID]
-    tolerance = clamp(x[at.TOLERANCE], FINEST, COARSEST) if x[at.TOLERANCE] > 0.0 else MARGIN
-    margin = tolerance * band if located else 0.0
-    close = at.CLOSE * largest
+    m = _machine(v, x)
+    located, longest = v[port.solver.event_located] != 0.0, x[clock.step]
+    close = host.CLOSE * longest
+    motion, i, legs, sums = _read(x)
+    elapsed = x[clock.offset]
     steps = 0
-
-    o = at.OWN
-    theta, w, position = x[o + at.THETA], x[o + at.W], x[o + at.POSITION]
-    s, c = x[o + at.SIN], x[o + at.COS]
-    i_a, i_b, i_c = x[o + at.I_A], x[o + at.I_B], x[o + at.I_C]
-    u_a, u_b, u_c = x[o + at.U_A], x[o + at.U_B], x[o + at.U_C]
-    rest_a, rest_b, rest_c = x[o + at.REST_A], x[o + at.REST_B], x[o + at.REST_C]
-    closing_a, closing_b, closing_c = x[o + at.CLOSING_A], x[o + at.CLOSING_B], x[o + at.CLOSING_C]
-    filtered, charge, loss = x[o + at.I_FILTERED], x[o + at.CHARGE], x[o + at.LOSS]
-    friction = x[o + at.FRICTION]
-    I_cos, I_sin = x[o + at.REF_COS], x[o + at.REF_SIN]
-    elapsed = x[at.OFFSET]
-    x[at.PENDING] = 0.0
-
     while True:
-        s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
-        left = t - (x[at.TICK] * T_c + elapsed)
+        left = t - (x[clock.tick] * T_c + elapsed)
         if left <= close:
             break
-        if x[at.DUE] != 0.0:
-            x[o + at.THETA], x[o + at.W], x[o + at.POSITION] = theta, w, position
-            _sample(v, x, x[at.TICK] * T_c)
-            s, c = x[o + at.SIN], x[o + at.COS]
-            s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
-            I_cos, I_sin = x[o + at.REF_COS], x[o + at.REF_SIN]
-            x[at.DUE] = 0.0
+        if x[clock.tick] == x[clock.next_sample]:
+            _sample(v, x, motion, x[clock.tick] * T_c)
+            s_e, c_e = sincos(m.p * motion.theta)
+            motion = actuator.Motion(motion.theta, motion.w, motion.position, s_e, c_e, motion.T_f)
+            x[clock.next_sample] += 1.0
             steps = 0
-
-        # comparators, switches, rails
-        error_a = controller.phase_reference(I_cos, I_sin, s_a, c_a) - i_a - off_a
-        error_b = controller.phase_reference(I_cos, I_sin, s_b, c_b) - i_b - off_b
-        error_c = controller.phase_reference(I_cos, I_sin, s_c, c_c) - i_c - off_c
-        u_a, rest_a = inverter.hysteresis(u_a, rest_a, error_a, band, margin, dead_time, closing_a)
-        u_b, rest_b = inverter.hysteresis(u_b, rest_b, error_b, band, margin, dead_time, closing_b)
-        u_c, rest_c = inverter.hysteresis(u_c, rest_c, error_c, band, margin, dead_time, closing_c)
-        gate_a = inverter.gate(u_a, rest_a, open_a)
-        gate_b = inverter.gate(u_b, rest_b, open_b)
-        gate_c = inverter.gate(u_c, rest_c, open_c)
-        rail_a, rail_b, rail_c = inverter.rail(gate_a, i_a), inverter.rail(gate_b, i_b), inverter.rail(gate_c, i_c)
-
-        V_dc = max(0.0, frame.held_input(v, x, at.SUPPLY_VOLTAGE, t - left))
-        k_a = windings.back_emf_coefficient(N_a, K_e, s_a, c_a, z_cos, z_sin)
-        k_b = windings.back_emf_coefficient(N_b, K_e, s_b, c_b, z_cos, z_sin)
-        k_c = windings.back_emf_coefficient(N_c, K_e, s_c, c_c, z_cos, z_sin)
-        e_a, e_b, e_c = k_a * w, k_b * w, k_c * w
-        g_a, g_b, g_c, per_g = G_a, G_b, G_c, per_G
-        if rail_a == 0.0 or rail_b == 0.0 or rail_c == 0.0:
-            g_a = G_a if rail_a != 0.0 else 0.0
-            g_b = G_b if rail_b != 0.0 else 0.0
-            g_c = G_c if rail_c != 0.0 else 0.0
-            v_n = windings.star_point(
-                0.5 * V_dc * rail_a - R_a * i_a - e_a,
-                0.5 * V_dc * rail_b - R_b * i_b - e_b,
-                0.5 * V_dc * rail_c - R_c * i_c - e_c,
-                g_a,
-                g_b,
-                g_c,
-                windings.per_sum(g_a, g_b, g_c),
-            )
-            if rail_a == 0.0:
-                rail_a = inverter.forward_biased(v_n + e_a, V_dc)
-                g_a = G_a if rail_a != 0.0 else 0.0
-            if rail_b == 0.0:
-                rail_b = inverter.forward_biased(v_n + e_b, V_dc)
-                g_b = G_b if rail_b != 0.0 else 0.0
-            if rail_c == 0.0:
-                rail_c = inverter.forward_biased(v_n + e_c, V_dc)
-                g_c = G_c if rail_c != 0.0 else 0.0
-            per_g = windings.per_sum(g_a, g_b, g_c)
-        v_a, v_b, v_c = 0.5 * V_dc * rail_a, 0.5 * V_dc * rail_b, 0.5 * V_dc * rail_c
-        d_a, d_b, d_c = v_a - R_a * i_a - e_a, v_b - R_b * i_b - e_b, v_c - R_c * i_c - e_c
-        v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c, per_g)
-        f_a, f_b, f_c = g_a * (d_a - v_n), g_b * (d_b - v_n), g_c * (d_c - v_n)
-
+        ref = Reference(x[own.ref_cos], x[own.ref_sin])
+        V_dc = max(0.0, host.input_at(v, x, inputs.supply_voltage, t - left))
+        s, c = three_phases(motion.s, motion.c)
+        error = reference.errors(ref, s, c, i, m.offset)
+        legs = _look(m.comparator, legs, error)
+        circuit = _circuit(m, motion, i, legs, s, c, V_dc)
         if located:
-            turn = p * w
-            closing_a = u_a * (f_a + turn * (I_cos * c_a - I_sin * s_a))
-            closing_b = u_b * (f_b + turn * (I_cos * c_b - I_sin * s_b))
-            closing_c = u_c * (f_c + turn * (I_cos * c_c - I_sin * s_c))
-            most = min(largest, T_c - elapsed)
-            h = inverter.time_to_event(
-                most, u_a, error_a, closing_a, band, dead_time, rest_a, gate_a, rail_a, i_a, f_a, R_a * G_a
+            legs, h = _step_to_event(
+                m.comparator, m.star, ref, m.p * motion.w, i, legs, error, circuit, s, c, min(longest, T_c - elapsed)
             )
-            h = inverter.time_to_event(
-                h, u_b, error_b, closing_b, band, dead_time, rest_b, gate_b, rail_b, i_b, f_b, R_b * G_b
-            )
-            h = inverter.time_to_event(
-                h, u_c, error_c, closing_c, band, dead_time, rest_c, gate_c, rail_c, i_c, f_c, R_c * G_c
-            )
-            h = min(most, max(h, SHORTEST))
             steps += 1
             if steps > MOST_STEPS:
-                return at.STUCK
+                return Status.STUCK
         else:
-            h = _fixed_step(largest, T_c - elapsed)
+            h = _fixed_step(longest, T_c - elapsed)
         on_trial = h > left + close
         if on_trial:
-            _store(
-                x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
-                closing_a, closing_b, closing_c, filtered, charge, loss, friction,
-            )  # fmt: skip
-            x[at.OFFSET] = elapsed
-            for i in range(at.FRAME_SIZE):
-                x[at.AT_POINT + i] = x[at.OWN + i]
-            x[at.PENDING] = 1.0
-            o = at.AT_POINT
+            _write(x, motion, i, legs, sums)
+            x[clock.offset] = elapsed
+            host.back_up(v, x, MOVING)
             h = left
-
-        # midpoint rule: everything at the middle from the slopes at the beginning, the step from the slopes there
-        s_m, c_m = rotate(s, c, 0.5 * p * w * h)
-        s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s_m, c_m)
-        k_a = windings.back_emf_coefficient(N_a, K_e, s_a, c_a, z_cos, z_sin)
-        k_b = windings.back_emf_coefficient(N_b, K_e, s_b, c_b, z_cos, z_sin)
-        k_c = windings.back_emf_coefficient(N_c, K_e, s_c, c_c, z_cos, z_sin)
-        m_a, m_b, m_c = i_a + 0.5 * h * f_a, i_b + 0.5 * h * f_b, i_c + 0.5 * h * f_c
-        T_m = windings.torque(k_a, k_b, k_c, m_a, m_b, m_c)
-        load = frame.held_input(v, x, at.LOAD_TORQUE, t - left + 0.5 * h)
-        theta_new, w_new, position, w_mean, friction = frame.move(v, x, theta, w, position, T_m, load, h)
-        d_a, d_b, d_c = v_a - R_a * m_a - k_a * w_mean, v_b - R_b * m_b - k_b * w_mean, v_c - R_c * m_c - k_c * w_mean
-        v_n = windings.star_point(d_a, d_b, d_c, g_a, g_b, g_c, per_g)
-        new_a, new_b, new_c = i_a + h * g_a * (d_a - v_n), i_b + h * g_b * (d_b - v_n), i_c + h * g_c * (d_c - v_n)
-        if gate_a * gate_b * gate_c == 0.0:
-            cut_a = _settle(i_a, new_a, inverter.gate(u_a, rest_a - h, open_a))
-            cut_b = _settle(i_b, new_b, inverter.gate(u_b, rest_b - h, open_b))
-            cut_c = _settle(i_c, new_c, inverter.gate(u_c, rest_c - h, open_c))
-            if cut_a != 0.0:
-                new_a, new_b, new_c = 0.0, new_b + 0.5 * cut_a, new_c + 0.5 * cut_a
-            if cut_b != 0.0:
-                new_a, new_b, new_c = new_a + 0.5 * cut_b, 0.0, new_c + 0.5 * cut_b
-            if cut_c != 0.0:
-                new_a, new_b, new_c = new_a + 0.5 * cut_c, new_b + 0.5 * cut_c, 0.0
-
-        # what is summed up takes the currents' bend within the step into account: third order, at one step a commutation
-        loss += h * R * (N_a * _square(i_a, new_a) + N_b * _square(i_b, new_b) + N_c * _square(i_c, new_c))
-        m_a, m_b, m_c = _mean(i_a, m_a, new_a), _mean(i_b, m_b, new_b), _mean(i_c, m_c, new_c)
-        q = monitor.quadrature_current(m_a, m_b, m_c, s_m, c_m)
-        filtered = monitor.low_pass(filtered, q, h / (tau + 0.5 * h))
-        charge += 0.5 * h * (rail_a * m_a + rail_b * m_b + rail_c * m_c)
-        s, c = rotate(s, c, p * (theta_new - theta))
-        theta, w = theta_new, w_new
-        i_a, i_b, i_c = new_a, new_b, new_c
-        rest_a, rest_b, rest_c = rest_a - h, rest_b - h, rest_c - h
+        load = host.input_at(v, x, inputs.load_torque, t - left + 0.5 * h)
+        motion, i, legs, sums = _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h)
         if on_trial:
             break
         elapsed += h
         if elapsed >= T_c - close:
             elapsed = 0.0
-            x[at.TICK] += 1.0
-            x[at.DUE] = 1.0
-            s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
-            error = max(
-                abs(controller.phase_reference(I_cos, I_sin, s_a, c_a) - i_a - off_a),
-                abs(controller.phase_reference(I_cos, I_sin, s_b, c_b) - i_b - off_b),
-                abs(controller.phase_reference(I_cos, I_sin, s_c, c_c) - i_c - off_c),
-            )
-            x[o + at.SATURATED] = 1.0 if error > LIMITED_AT * band else 0.0
-            x[at.LIMITED] += x[o + at.SATURATED]
-
-    _store(
-        x, o, theta, w, position, s, c, i_a, i_b, i_c, u_a, u_b, u_c, rest_a, rest_b, rest_c,
-        closing_a, closing_b, closing_c, filtered, charge, loss, friction,
-    )  # fmt: skip
-    if x[at.PENDING] == 0.0:
-        x[at.OFFSET] = elapsed
-    return frame.publish(v, x, t)
+            s, c = three_phases(motion.s, motion.c)
+            _tick(x, m.comparator.band, reference.errors(ref, s, c, i, m.offset))
+    _write(x, motion, i, legs, sums)
+    if x[trial.pending] == 0.0:
+        x[clock.offset] = elapsed
+    return actuator.publish(v, x, t)

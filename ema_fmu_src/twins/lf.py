@@ -15,91 +15,81 @@ dead time, a switch that stays open, sensor errors.
 
 import math
 
-from ..physics import controller, equivalent, monitor
+from ..physics import monitor, single_phase
+from ..physics.controller import cascade
 from ..physics.jit import kernel
-from ..physics.trig import clamp, rotate, sincos, three_phases
-from . import frame
-from . import layout as at
+from ..physics.phases import Abc, three_phases
+from ..physics.trig import rotate, sincos
+from . import actuator, host
+from .actuator import derived, now
+from .host import clock, inputs
+from .memory import Moving, port, whole
+from .status import Status
 
-N_STATES = at.N_STATES
-PER_TAU = 1.0 / 1e-4
-"""Of the current loop's time constant tau [1/s] (ours: the controller's default period)."""
-INV_SQRT3 = 1.0 / math.sqrt(3.0)
+TITLE = "Low fidelity: equivalent single phase"
+STATES = whole(actuator.ONCE, actuator.MOVING)
+N_STATES = len(STATES)
+MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING))
+
+
+@kernel
+def _publish(v, x, t):
+    """End a communication step at time `t` [s]; the integral is the one with which a sampled twin would go on. Returns a
+    Status."""
+    command = host.input_at(v, x, inputs.command, t)
+    x[now.xi] = cascade.carrying_integral(actuator.gains(v, x), command, x[now.position], x[now.w], x[now.I_ref])
+    return actuator.publish(v, x, t)
 
 
 @kernel
 def initialize(v, x):
-    """Start at time 0; returns a status of layout.STATUS."""
-    return frame.start(v, x, v[at.STEP])
+    """Start at time 0; returns a Status."""
+    status = actuator.start(v, x, v[port.solver.step], N_STATES)
+    x[clock.next_sample] = math.inf
+    return _publish(v, x, 0.0) if status == Status.OK else status
 
 
 @kernel
-def _step(v, x, to, t, h):
-    """One step of length h [s] from the frame OWN at time `t` into the frame `to`."""
-    o = at.OWN
-    theta, w, position = x[o + at.THETA], x[o + at.W], x[o + at.POSITION]
-    i = monitor.quadrature_current(x[o + at.I_A], x[o + at.I_B], x[o + at.I_C], x[o + at.SIN], x[o + at.COS])
-    V_dc = max(0.0, frame.held_input(v, x, at.SUPPLY_VOLTAGE, t + 0.5 * h))
-    command = frame.held_input(v, x, at.COMMAND, t)
-    w_ref = controller.speed_reference(command, position, v[at.FAULT_GAIN] * v[at.K_POS], v[at.RATIO], v[at.SPEED_LIMIT])
-    I_ref = controller.speed_p(w_ref, w, v[at.K_P], v[at.CURRENT_LIMIT])
+def _step(v, x, t, h):
+    """One step h from time `t` [s] on."""
+    motion, N, field = actuator.motion(x), actuator.turns(v), actuator.field(x)
+    i = monitor.quadrature_current(actuator.currents(x), motion.s, motion.c)
+    V_dc = max(0.0, host.input_at(v, x, inputs.supply_voltage, t + 0.5 * h))
+    command = host.input_at(v, x, inputs.command, t)
+    I_ref = cascade.continuous(actuator.gains(v, x), command, motion.position, motion.w)
 
-    p = v[at.PAIRS]
-    half = 0.5 * h * w
-    s, c = sincos(p * (theta + half))
-    s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
-    N_a, N_b, N_c = v[at.FAULT_N_A], v[at.FAULT_N_B], v[at.FAULT_N_C]
-    z_cos, z_sin = x[at.Z_COS], x[at.Z_SIN]
-    f = (
-        equivalent.shape(N_a, s_a, c_a, z_cos, z_sin)
-        + equivalent.shape(N_b, s_b, c_b, z_cos, z_sin)
-        + equivalent.shape(N_c, s_c, c_c, z_cos, z_sin)
+    p = v[port.motor.p]
+    half = 0.5 * h * motion.w
+    s, c = sincos(p * (motion.theta + half))
+    sines, cosines = three_phases(s, c)
+    K_f = field.K_e * single_phase.shape(N, field, sines, cosines)
+    R_copper = single_phase.resistance(x[derived.R], N, sines)
+    R_eq = R_copper + v[port.inverter.R_on]
+    i_new, voltage, limited = single_phase.current(i, I_ref, K_f * motion.w, R_eq, v[port.motor.L], V_dc, h)
+    mean = 0.5 * (i + i_new)
+
+    load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
+    theta, w, position, _, T_f = actuator.move(v, x, motion, 1.5 * K_f * mean, load, h)
+    s, c = rotate(s, c, p * (theta - motion.theta - half))
+    sines, _ = three_phases(s, c)
+    means = actuator.Means(
+        mean,
+        1.5 * voltage * mean / V_dc if V_dc > 0.0 else 0.0,
+        1.5 * R_copper * mean * mean,
     )
-    R_copper = equivalent.resistance(x[at.R_HOT], N_a, N_b, N_c, s_a, s_b, s_c)
-    R_eq = R_copper + v[at.R_ON]
-    K_f = x[at.K_HOT] * f
+    x[now.I_ref] = I_ref
+    moved = actuator.Motion(theta, w, position, s, c, T_f)
+    actuator.store(v, x, h, moved, Abc(-i_new * sines.a, -i_new * sines.b, -i_new * sines.c), means, limited)
 
-    e = K_f * w
-    L = v[at.L]
-    target = i + (I_ref - i) * min(1.0, h * PER_TAU)
-    need = R_eq * 0.5 * (i + target) + e + (L / h) * (target - i)
-    voltage = clamp(need, -V_dc * INV_SQRT3, V_dc * INV_SQRT3)
-    new = i + h * (voltage - e - R_eq * i) / (L + 0.5 * h * R_eq)
-    mean = 0.5 * (i + new)
 
-    load = frame.held_input(v, x, at.LOAD_TORQUE, t + 0.5 * h)
-    theta, w, position, _, T_f = frame.move(v, x, theta, w, position, 1.5 * K_f * mean, load, h)
-    s, c = rotate(s, c, p * (theta - x[o + at.THETA] - half))
-    s_a, s_b, s_c, c_a, c_b, c_c = three_phases(s, c)
-
-    supply = 1.5 * voltage * mean / V_dc if V_dc > 0.0 else 0.0
-    loss = 1.5 * R_copper * mean * mean
-    i_a, i_b, i_c = -new * s_a, -new * s_b, -new * s_c
-    frame.store(
-        v, x, to, h, theta, w, position, s, c, i_a, i_b, i_c, I_ref, T_f, mean, supply, loss, voltage != need
-    )  # fmt: skip
+_run = host.stepper(host.unsampled, _step, MOVING)
 
 
 @kernel
 def advance(v, x, t):
-    """Run to time `t` [s] since the start; returns a status of layout.STATUS."""
-    grid = x[at.GRID]
-    status = frame.take_in(v, x, grid)
-    if status != at.OK:
+    """Run to time `t` [s] since the start; returns a Status."""
+    status = actuator.begin(v, x, x[clock.step], MOVING)
+    if status != Status.OK:
         return status
-    while True:
-        now = x[at.TICK] * grid + x[at.OFFSET]
-        left = t - now
-        if left <= at.CLOSE * grid:
-            x[at.PENDING] = 0.0
-            break
-        h = grid - x[at.OFFSET]
-        if h > left + at.CLOSE * grid:
-            _step(v, x, at.AT_POINT, now, left)
-            x[at.PENDING] = 1.0
-            break
-        _step(v, x, at.OWN, now, h)
-        x[at.TICK] += 1.0
-        x[at.OFFSET] = 0.0
-        x[at.LIMITED] += x[at.OWN + at.SATURATED]
-    return frame.publish(v, x, t)
+    _run(v, x, t)
+    return _publish(v, x, t)

@@ -48,8 +48,8 @@ def _kernel_module(llvm: Any, function: Any, name: str, numbers: int) -> Any:
     signature = (pointer, pointer, *[types.float64] * numbers)
     function.compile(signature)
     result = types.unliteral(function.overloads[signature].signature.return_type)
-    if result != types.int64:
-        raise EmitError(f"{name}: returns {result}, a status (int64) is needed")
+    if getattr(result, "dtype", result) != types.int64:  # an IntEnum is held as its numbers are
+        raise EmitError(f"{name}: returns {result}, a Status (int64) is needed")
     kernel = function.overloads[signature].fndesc.llvm_func_name
     arguments = ", ".join(["ptr %v", "ptr %x", *(f"double %t{n}" for n in range(numbers))])
     text = function.inspect_llvm(signature)
@@ -86,6 +86,9 @@ def emit(model: str, triples: list[str]) -> dict[str, bytes]:
     import llvmlite.binding as llvm
     from numba.core import config
 
+    from ...physics import jit
+
+    jit.OPTIONS["no_cpython_wrapper"] = True  # nobody calls these kernels from Python: half the time
     from ...twins import TWINS
 
     if getattr(config, "CPU_NAME", None) != ENVIRONMENT["NUMBA_CPU_NAME"]:

@@ -331,7 +331,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
         if (order[i] != 1) REFUSE("derivative of order %d refused: order 1 is supported", (int)order[i]);
         if (!isfinite(value[i])) REFUSE("derivative of %s refused: a finite number is needed", VARIABLES[vr[i]].name);
     }
-    for (size_t i = 0; i < n; i++) m->state.slope[vr[i]] = value[i];
+    for (size_t i = 0; i < n; i++) m->state.slope[INPUT_OF[vr[i]]] = value[i];
     return fmi2OK;
 }
 
@@ -368,7 +368,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
         NO_STEP("it does not follow the last communication point, %.15g s", time, step, s->point);
     if (end <= s->point) NO_STEP("it is too short: it would end at %.15g s, and the FMU is at %.15g s", time, step, end, s->point);
     if (end > s->stop + slack(s->stop)) NO_STEP("it would end at %.15g s, after the stop time %.15g s", time, step, end, s->stop);
-    for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE + i] = s->slope[i];
+    for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE_OF[i]] = s->slope[i];
     s->status = ema_advance(s->v, s->x, end - s->start);
     memset(s->slope, 0, sizeof s->slope);
     if (s->status) {

@@ -6,14 +6,14 @@ import os
 import struct
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 import fmpy
 
 from ... import ports
-from ...twins import SLOPE, STALE, STATUS, TOLERANCE, TWINS
+from ...twins import SLOPES, STALE, TOLERANCE, TWINS, Status
 from .emit import ENVIRONMENT
 from .targets import PLATFORMS, Target
 
@@ -43,16 +43,24 @@ def header(model: str, guid: str) -> str:
     def number(value: float | None, unbounded: str) -> str:
         return unbounded if value is None or math.isinf(value) else float(value).hex()
 
+    def table(kind: str, name: str, entries: Iterable[object]) -> str:
+        return f"static const {kind} {name}[] = {{{', '.join(map(str, entries))}}};"
+
+    inputs = [variable.name for variable in ports.INPUTS]
     lines = [
         f"#define MODEL {json.dumps(f'EMA_{model}')}",
         f"#define GUID {json.dumps(guid)}",
-        f"enum {{ N_VARIABLES = {len(ports.VARIABLES)}, N_INPUTS = {len(ports.INPUTS)} }};",
-        f"enum {{ N_STATES = {TWINS[model].n_states}, N_STATUS = {len(STATUS)} }};",
-        f"enum {{ STALE = {STALE}, SLOPE = {SLOPE}, TOLERANCE = {TOLERANCE} }};",
+        f"enum {{ N_VARIABLES = {len(ports.VARIABLES)}, N_INPUTS = {len(inputs)} }};",
+        f"enum {{ N_STATES = {TWINS[model].n_states}, N_STATUS = {len(Status)} }};",
+        f"enum {{ STALE = {STALE}, TOLERANCE = {TOLERANCE} }};",
+        f"enum {{ {', '.join(f'STATUS_{status.name} = {status.value}' for status in Status)} }};",
         "enum { REAL, INTEGER, BOOLEAN, STRING };",
         "enum { INPUT, OUTPUT, LOCAL, PARAMETER };",
         "typedef struct { const char *name; int kind, causality, fixed; double minimum, maximum, start; } Variable;",
-        f"static const char *const STATUS[] = {{{', '.join(json.dumps(text) for text in STATUS)}}};",
+        table("char *const", "STATUS", (json.dumps(status.message) for status in Status)),
+        table("int", "SLOPE_OF", (SLOPES[name] for name in inputs)) + " /* place in x of the slope of each input */",
+        table("int", "INPUT_OF", (inputs.index(v.name) if v.name in inputs else -1 for v in ports.VARIABLES))
+        + " /* number of the input with this value reference */",
         "static const Variable VARIABLES[] = {",
     ]
     for variable in ports.VARIABLES:
@@ -60,8 +68,8 @@ def header(model: str, guid: str) -> str:
         start = number(variable.start_for(model), "")
         kind, causality, fixed = variable.kind.upper(), variable.causality.upper(), int(variable.variability == "fixed")
         lines.append(f'    {{"{variable.name}", {kind}, {causality}, {fixed}, {low}, {high}, {start}}},')
-    kinds = ", ".join(variable.kind.upper() for variable in ports.VARIABLES)
-    return "\n".join([*lines, "};", f"static const unsigned char KIND_OF[] = {{{kinds}}};", ""])
+    kinds = table("unsigned char", "KIND_OF", (variable.kind.upper() for variable in ports.VARIABLES))
+    return "\n".join([*lines, "};", kinds, ""])
 
 
 def _run(command: Sequence[str], *, environment: Mapping[str, str] | None = None) -> None:

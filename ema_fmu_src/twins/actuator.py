@@ -1,0 +1,252 @@
+"""What every fidelity shares of the actuator: parameters with their faults, controller, mechanics, outputs."""
+
+from typing import NamedTuple
+
+from ..physics import mechanics, monitor, windings
+from ..physics.controller import cascade
+from ..physics.jit import kernel
+from ..physics.phases import Abc, three_phases
+from ..physics.trig import clamp, sincos
+from . import host
+from .host import clock, inputs
+from .memory import State, places, port
+from .status import Status
+
+DERIVED = (
+    State("K_e", "V.s/rad", "motor.K_e with its fault"),
+    State("R", "Ohm", "motor.R with its fault"),
+    State("z_cos", "1", "p*zeta*cos(phi)"),
+    State("z_sin", "1", "p*zeta*sin(phi)"),
+    State("T_static", "N.m", "limit of the dry friction at rest, with its faults"),
+    State("T_coulomb", "N.m", "dry friction of the moving rotor, with its faults"),
+    State("loss_opposing", "1", "1/eta_opposing - 1"),
+    State("loss_aiding", "1", "1 - eta_aiding"),
+    State("K_motor", "1/s", "K_pos*G with its fault"),
+    State("per_ratio", "1", "1/G"),
+    State("half_play", "rad", "half of the backlash, with its fault"),
+    State("theta_max", "rad", "the rotor's end stop"),
+    State("smoothing", "1", "of the filtered current over a whole step: h/(tau + h/2)"),
+)
+"""What follows from the parameters, taken at the start and after each change: it saves ELF and LF 5 % of their time."""
+SINCE = (
+    State("charge", "C", "supply charge at the last communication point"),
+    State("loss", "J", "copper loss at the last communication point"),
+    State("limited", "1", "above 0: voltage-limited at some time since the last communication point"),
+)
+MOVING = (
+    State("theta", "rad", "rotor angle, mechanical"),
+    State("w", "rad/s", "rotor speed, mechanical"),
+    State("position", "rad", "user shaft angle"),
+    State("s", "1", "sin(theta_e)"),
+    State("c", "1", "cos(theta_e)"),
+    State("T_f", "N.m", "dry friction in the last step"),
+    State("i_a", "A", "current of phase a"),
+    State("i_b", "A", "current of phase b"),
+    State("i_c", "A", "current of phase c"),
+    State("I_ref", "A", "current reference"),
+    State("xi", "A", "integral part of the controller; LF: what another twin's would have to be"),
+    State("i_filtered", "A", "filtered equivalent current"),
+    State("charge", "C", "supply charge since the start"),
+    State("loss", "J", "copper loss since the start"),
+    State("limited", "1", "1: voltage-limited in the last step; HF: at the last tick"),
+)
+ONCE = (*host.STATES, *DERIVED, *SINCE)
+derived = places("derived", DERIVED, first=len(host.STATES))
+since = places("since", SINCE, first=len(host.STATES) + len(DERIVED))
+now = places("now", MOVING, first=len(ONCE))
+
+
+class Motion(NamedTuple):
+    """Rotor and user shaft, sine and cosine of theta_e, and the dry friction in the last step."""
+
+    theta: float
+    w: float
+    position: float
+    s: float
+    c: float
+    T_f: float
+
+
+class Means(NamedTuple):
+    """Means over a step: quadrature current q, supply current, copper loss."""
+
+    q: float
+    supply: float
+    loss: float
+
+
+@kernel
+def derive(v, x):
+    """Write what follows from the parameters; trigonometry only where there is an eccentricity. Returns a Status."""
+    depth = v[port.motor.p] * v[port.fault.zeta]
+    if depth >= 1.0:
+        return Status.ECCENTRIC
+    scale, jam = v[port.fault.friction], v[port.fault.jam]
+    half_play = 0.5 * v[port.gear.backlash] * v[port.fault.backlash]
+    s, c = 0.0, 1.0
+    if depth != 0.0:
+        s, c = sincos(v[port.fault.phi])
+    x[derived.K_motor] = v[port.fault.gain] * v[port.controller.K_pos] * v[port.gear.ratio]
+    x[derived.per_ratio] = 1.0 / v[port.gear.ratio]
+    x[derived.T_static] = v[port.mechanics.T_static] * scale + jam
+    x[derived.T_coulomb] = v[port.mechanics.T_coulomb] * scale + jam
+    x[derived.loss_opposing] = 1.0 / v[port.gear.eta_opposing] - 1.0
+    x[derived.loss_aiding] = 1.0 - v[port.gear.eta_aiding]
+    x[derived.half_play] = half_play
+    x[derived.theta_max] = (v[port.mechanics.end_stop] + half_play) * v[port.gear.ratio]
+    x[derived.z_cos], x[derived.z_sin] = depth * c, depth * s
+    x[derived.K_e] = v[port.motor.K_e] * v[port.fault.magnet]
+    x[derived.R] = v[port.motor.R] * v[port.fault.resistance]
+    x[derived.smoothing] = x[clock.step] / (v[port.monitor.tau] + 0.5 * x[clock.step])
+    return Status.OK
+
+
+@kernel
+def start(v, x, period, n_states):
+    """Write the state at time 0 from the parameters in `v`; `period` [s] as in `host.start`. Returns a Status."""
+    host.start(v, x, period, n_states)
+    status = derive(v, x)
+    if status != Status.OK:
+        return status
+    theta_max = x[derived.theta_max]
+    theta = clamp(v[port.initial.motor_position], -theta_max, theta_max)
+    x[now.theta] = theta
+    x[now.w] = v[port.initial.motor_speed]
+    x[now.position] = mechanics.play(v[port.initial.position], theta / v[port.gear.ratio], x[derived.half_play])
+    x[now.s], x[now.c] = sincos(v[port.motor.p] * theta)
+    x[now.i_a] = v[port.initial.phase_current_a]
+    x[now.i_b] = v[port.initial.phase_current_b]
+    x[now.i_c] = -v[port.initial.phase_current_a] - v[port.initial.phase_current_b]
+    x[now.I_ref] = v[port.initial.reference_current]
+    x[now.i_filtered] = v[port.initial.current_filtered]
+    x[now.xi] = v[port.initial.integral]
+    return Status.OK
+
+
+@kernel
+def begin(v, x, tick_length, moving):
+    """Begin a communication step; arguments as in `host.take_in`. Returns a Status."""
+    x[since.limited] = 0.0
+    if host.take_in(v, x, tick_length, moving):
+        return derive(v, x)
+    return Status.OK
+
+
+@kernel
+def motion(x):
+    """The motion as it is now."""
+    return Motion(x[now.theta], x[now.w], x[now.position], x[now.s], x[now.c], x[now.T_f])
+
+
+@kernel
+def write_motion(x, motion):
+    """Make `motion` that of now."""
+    x[now.theta], x[now.w], x[now.position] = motion.theta, motion.w, motion.position
+    x[now.s], x[now.c], x[now.T_f] = motion.s, motion.c, motion.T_f
+
+
+@kernel
+def currents(x):
+    """The phase currents as they are now."""
+    return Abc(x[now.i_a], x[now.i_b], x[now.i_c])
+
+
+@kernel
+def write_currents(x, i):
+    """Make `i` the phase currents of now."""
+    x[now.i_a], x[now.i_b], x[now.i_c] = i
+
+
+@kernel
+def turns(v):
+    """N_j of the phases."""
+    return Abc(v[port.fault.N_a], v[port.fault.N_b], v[port.fault.N_c])
+
+
+@kernel
+def field(x):
+    """The rotor's field with its faults."""
+    return windings.Field(x[derived.K_e], x[derived.z_cos], x[derived.z_sin])
+
+
+@kernel
+def gains(v, x):
+    """The cascade's gains with their fault."""
+    return cascade.Gains(
+        x[derived.K_motor],
+        v[port.controller.speed_limit],
+        v[port.controller.K_p],
+        v[port.controller.K_i],
+        v[port.controller.period],
+        v[port.controller.current_limit],
+    )
+
+
+@kernel
+def control(v, x, t, position, w):
+    """The controller's sample at time `t` [s], by the control law: writes I_ref and the integral, returns I_ref."""
+    command = host.input_at(v, x, inputs.command, t)
+    x[now.I_ref], x[now.xi] = cascade.sampled(gains(v, x), command, position, w, x[now.xi])
+    return x[now.I_ref]
+
+
+@kernel
+def move(v, x, motion, T_m, load_torque, h):
+    """Mechanics over a step h under the mean torque T_m: theta, w, position at its end, the mean speed, the friction."""
+    friction = mechanics.Friction(
+        x[derived.T_static],
+        x[derived.T_coulomb],
+        x[derived.loss_opposing],
+        x[derived.loss_aiding],
+        v[port.mechanics.C],
+    )
+    T_L = load_torque * x[derived.per_ratio]
+    w_new, T_f = mechanics.rotor(motion.w, T_m, T_L, friction, v[port.mechanics.J], h)
+    w_mean = 0.5 * (motion.w + w_new)
+    theta, w_new = mechanics.end_stop(motion.theta + h * w_mean, w_new, x[derived.theta_max])
+    position = mechanics.play(motion.position, theta * x[derived.per_ratio], x[derived.half_play])
+    return theta, w_new, position, w_mean, T_f
+
+
+@kernel
+def store(v, x, h, motion, i, means, limited):
+    """Write the end of a step h of ELF or LF, with the means over it."""
+    smoothing = x[derived.smoothing] if h == x[clock.step] else h / (v[port.monitor.tau] + 0.5 * h)
+    x[now.i_filtered] = monitor.low_pass(x[now.i_filtered], means.q, smoothing)
+    x[now.charge] += h * means.supply
+    x[now.loss] += h * means.loss
+    x[now.limited] = 1.0 if limited else 0.0
+    x[since.limited] += x[now.limited]
+    write_motion(x, motion)
+    write_currents(x, i)
+
+
+@kernel
+def publish(v, x, t):
+    """End a communication step at time `t` [s]: write the outputs. Returns a Status."""
+    theta, w, s, c, i, i_filtered = x[now.theta], x[now.w], x[now.s], x[now.c], currents(x), x[now.i_filtered]
+    charge, loss = x[now.charge], x[now.loss]
+    elapsed = t - x[clock.point]
+    sines, cosines = three_phases(s, c)
+    k = windings.back_emf_coefficients(turns(v), field(x), sines, cosines)
+    v[port.position] = x[now.position]
+    v[port.motor_position] = theta
+    v[port.motor_speed] = w
+    v[port.reference_current] = x[now.I_ref]
+    v[port.equivalent_current] = monitor.quadrature_current(i, s, c)
+    v[port.equivalent_current_filtered] = i_filtered
+    v[port.phase_current_a], v[port.phase_current_b], v[port.phase_current_c] = i
+    v[port.back_emf_a], v[port.back_emf_b], v[port.back_emf_c] = windings.back_emf(k, w)
+    v[port.motor_torque] = windings.torque(k, i)
+    v[port.friction_torque] = x[now.T_f]
+    if elapsed > 0.0:
+        per_elapsed = 1.0 / elapsed
+        v[port.supply_current] = (charge - x[since.charge]) * per_elapsed
+        v[port.copper_loss] = (loss - x[since.loss]) * per_elapsed
+    v[port.voltage_saturated] = 1.0 if x[since.limited] + x[now.limited] > 0.0 else 0.0
+    v[port.controller.integral] = x[now.xi]
+    x[clock.point] = t
+    x[since.charge] = charge
+    x[since.loss] = loss
+    total = theta + w + i.a + i.b + i.c + i_filtered + charge + loss
+    return Status.OK if total - total == 0.0 else Status.NOT_FINITE

@@ -1,0 +1,24 @@
+"""What a twin says of a step or a start."""
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """Status of a kernel, and what it means for the user; only OK lets the twin go on."""
+
+    message: str
+
+    def __new__(cls, value: int, message: str) -> "Status":
+        status = int.__new__(cls, value)
+        status._value_ = value
+        status.message = message
+        return status
+
+    OK = 0, ""
+    ECCENTRIC = 1, "motor.p * fault.zeta must be less than 1: the rotor would touch the stator"
+    STUCK = (
+        2,
+        "the event-located solver reached its bound of steps in one controller period; "
+        "try solver.event_located=false with solver.step=1e-6",
+    )
+    NOT_FINITE = 3, "the solution is no longer finite; check parameters and inputs, or try a smaller solver.step"
