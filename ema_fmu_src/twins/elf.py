@@ -68,13 +68,13 @@ def _step(v, x, t, h):
     i_ref = reference.ideal(x[now.I_ref], sines_end)
     driven = _driven(v, x, actuator.currents(x), i_ref, windings.back_emf(k, motion.w), V_dc, h)
 
-    i, u = driven.i_mean, driven.u
+    i, v_legs = driven.i_mean, driven.v
     load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
     theta, w, position, _, T_f = actuator.move(v, x, motion, windings.torque(k, i), load, h)
     s_end, c_end = rotate(s_end, c_end, p * (theta - motion.theta - 2.0 * half))
     means = actuator.Means(
         monitor.quadrature_current(i, s, c),
-        (u.a * i.a + u.b * i.b + u.c * i.c) / V_dc if V_dc > 0.0 else 0.0,
+        (v_legs.a * i.a + v_legs.b * i.b + v_legs.c * i.c) / V_dc if V_dc > 0.0 else 0.0,
         R * (N.a * i.a * i.a + N.b * i.b * i.b + N.c * i.c * i.c),
     )
     moved = actuator.Motion(theta, w, position, s_end, c_end, T_f)
