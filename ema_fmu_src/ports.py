@@ -115,7 +115,7 @@ VARIABLES: tuple[Variable, ...] = (
         "Real",
         "A",
         0.0,
-        "Integral part of the speed controller (LF has none: 0)",
+        "Integral part of the speed controller (LF has none: the one that carries its current reference on)",
     ),
     _parameter("motor.R", "Ohm", 1.0, (1e-3, 1e3), "Phase resistance, half of the line-to-line R_s"),
     _parameter("motor.L", "H", 0.7e-3, (1e-6, 1.0), "Phase inductance (plain ELF has none)"),

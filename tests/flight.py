@@ -7,16 +7,16 @@ import numpy as np
 from ema_fmu_src import ports
 from ema_fmu_src.twins import STALE, TWINS, Status
 
-OUTPUTS = [variable.name for variable in ports.VARIABLES if variable.causality in ("output", "local")]
-PLACES = [ports.INDEX[name] for name in OUTPUTS]
+WATCHED = [variable.name for variable in ports.VARIABLES if variable.causality in ("output", "local")]
+PLACES = [ports.INDEX[name] for name in WATCHED]
 
 
 class Flight:
-    """One twin at a time t [s]; inputs and parameters by port name, ELF+ as a fidelity of its own."""
+    """One twin at a time t [s]; inputs and parameters by their port names, ELF+ as a fidelity of its own."""
 
     def __init__(self, fidelity: str, values: Mapping[str, float] | None = None) -> None:
-        self.status = self._start(fidelity, values or {})
-        assert self.status == Status.OK, self.status.message
+        status = self._start(fidelity, values or {})
+        assert status == Status.OK, status.message
 
     @classmethod
     def tried(cls, fidelity: str, values: Mapping[str, float]) -> "Flight | Status":
@@ -64,10 +64,10 @@ class Flight:
         time [s]."""
         inputs = {"command": command, "load_torque": load, "supply_voltage": supply}
         given = [(ports.INDEX[name], of) for name, of in inputs.items() if of is not None]
-        rows = np.empty((n, len(OUTPUTS)))
+        rows = np.empty((n, len(WATCHED)))
         for k in range(n):
             for place, of in given:
                 self.v[place] = of(k * step)
             self.to((k + 1) * step)
             rows[k] = self.v[PLACES]
-        return {"time": (np.arange(n) + 1) * step, **dict(zip(OUTPUTS, rows.T, strict=True))}
+        return {"time": (np.arange(n) + 1) * step, **dict(zip(WATCHED, rows.T, strict=True))}

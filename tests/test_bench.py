@@ -112,7 +112,7 @@ def test_the_master_and_fmpy_give_the_same_bits(fmus: dict[str, Path]) -> None:
 def test_scipys_solution_of_hfs_equations_is_hfs() -> None:
     """Two independent codes: events of SciPy's RK45 against the kernel, 10 ms of a step, no dead time, ideal resolver."""
     states = scipy_hf.fly(lambda t: 0.1, 0.01)
-    flown = Flight("HF", sensor__resolver_bits=0, inverter__dead_time=0.0).fly(lambda t: 0.1, n=100)
+    flown = Flight("HF", {"sensor.resolver_bits": 0, "inverter.dead_time": 0.0}).fly(lambda t: 0.1, n=100)
     for column, name in ((0, "motor_position"), (1, "motor_speed")):
         scale = np.max(np.abs(states[1:, column]))
         assert np.max(np.abs(states[1:, column] - flown[name])) < 3e-3 * scale

@@ -40,26 +40,25 @@ def test_types_have_the_units_of_their_variables(fmus: dict[str, Path], model: s
 def test_initial_dependencies_are_the_kernels(model: str) -> None:
     """Each output at the start moves with the variables it is said to depend on, and with no other."""
     base = {
-        "initial__motor_position": 1.0, "initial__motor_speed": 50.0, "initial__position": 0.00498,
-        "initial__phase_current_a": 1.0, "initial__phase_current_b": -3.0, "initial__reference_current": 2.0,
-        "initial__current_filtered": 0.5, "initial__integral": 0.1, "fault__zeta": 0.1, "fault__phi": 0.3,
+        "initial.motor_position": 1.0, "initial.motor_speed": 50.0, "initial.position": 0.00498,
+        "initial.phase_current_a": 1.0, "initial.phase_current_b": -3.0, "initial.reference_current": 2.0,
+        "initial.current_filtered": 0.5, "initial.integral": 0.1, "fault.zeta": 0.1, "fault.phi": 0.3,
     }  # fmt: skip
     starts = (
         base,
-        base | {"initial__motor_position": 1e3},
-        base | {"initial__position": 0.0},
+        base | {"initial.motor_position": 1e3},
+        base | {"initial.position": 0.0},
     )  # free, at the stop, at the play
     names = [variable.name for variable in ports.OUTPUTS]
     moved: dict[str, set[str]] = {name: set() for name in names}
     for start in starts:
-        before = Flight(model, **start)
+        before = Flight(model, start)
         for variable in (*ports.INPUTS, *ports.PARAMETERS):
             if variable.kind == "Boolean" or variable.name == "sensor.resolver_bits":
                 continue
-            key = variable.name.replace(".", "__")
-            value = start.get(key, variable.start_for(model))
+            value = start.get(variable.name, variable.start_for(model))
             other = value * 0.9 if variable.kind == "Real" and value else value + 1
-            after = Flight(model, **{**start, key: min(other, variable.maximum or np.inf)})
+            after = Flight(model, {**start, variable.name: min(other, variable.maximum or np.inf)})
             for name in names:
                 if after[name] != before[name]:
                     moved[name].add(variable.name)

@@ -223,19 +223,23 @@ def test_interrupt_is_one_line_and_130(
 
     from harness.flight import master
 
-    original = master.run
+    original, runs = master.run, []
 
     def interrupted(*positional: object, **named: object) -> object:
-        signal.raise_signal(signal.SIGINT)
+        runs.append(named)
+        if len(runs) == 2:
+            signal.raise_signal(signal.SIGINT)
         return original(*positional, **named)  # type: ignore[arg-type]
 
     monkeypatch.setattr(master, "run", interrupted)
-    arguments = ["run", "SIN", "--fidelity", "LF", "--reference", "LF", "--fmus", str(fmus["LF"].parent)]
+    arguments = ["run", "SIN", "SIN4", "--fidelity", "LF", "--reference", "LF", "--fmus", str(fmus["LF"].parent)]
     code, told, error = _ema(capsys, monkeypatch, *arguments, "--out", str(tmp_path / "out"))
     assert code == 130
     assert error.strip().splitlines()[-1].startswith("ema: interrupted")
     assert "Traceback" not in told + error
-    (saved,) = (tmp_path / "out").iterdir()
-    assert saved.name == "SIN_LF.partial.csv"
+    assert f"stopped; what was computed is in {tmp_path / 'out' / 'SIN4_LF.partial.csv'}" in error
+    whole, saved = sorted((tmp_path / "out").iterdir(), key=lambda path: "partial" in path.name)
+    assert (whole.name, saved.name) == ("SIN_LF.csv", "SIN4_LF.partial.csv")
+    assert len(whole.read_text().splitlines()) == 1 + 25001
     rows = saved.read_text().splitlines()
     assert rows[0].startswith("time,command,position") and len(rows) == 1 + 1 + master.POINTS_A_NOTICE

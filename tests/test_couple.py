@@ -31,7 +31,7 @@ def system(fmus: dict[str, Path], load: Path) -> System:
 @pytest.fixture(scope="module")
 def monolithic() -> np.ndarray:
     """Position and torque at the end of 20 ms: both models in one loop, with steps as small as the twin's own."""
-    flight = Flight("LF", solver__step=INNER, command=0.1)
+    flight = Flight("LF", {"solver.step": INNER, "command": 0.1})
     torque = 0.0
     share = 1.0 - math.exp(-INNER / TAU)
     for k in range(round(0.02 / INNER)):

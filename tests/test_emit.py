@@ -1,18 +1,23 @@
 """The build refuses kernels that could not live without Python."""
 
+import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from ema_fmu_src import ports
 from ema_fmu_src.fmu.native import emit, targets
 from ema_fmu_src.fmu.native.library import header, libraries
+from ema_fmu_src.twins import SLOPES, Status
 
 PROGRAM = """
-import math, sys
+import dataclasses, math, sys
 import numba
+from ema_fmu_src import ports
 from ema_fmu_src.fmu.native import emit
 from ema_fmu_src import twins
 
@@ -21,7 +26,7 @@ def advance(v, x, t):
     {body}
     return 0
 
-twins.TWINS["LF"] = twins.Twin("LF", "made up", 62, twins.TWINS["LF"].initialize, advance)
+twins.TWINS["LF"] = dataclasses.replace(twins.TWINS["LF"], advance=advance)
 try:
     emit.emit("LF", ["x86_64-unknown-linux-gnu"])
 except emit.EmitError as error:
@@ -62,6 +67,26 @@ def test_the_header_holds_the_bits_of_the_bounds() -> None:
     assert f'{{"supply_voltage", REAL, INPUT, 0, {(0.0).hex()}, {(2000.0).hex()}, {(48.0).hex()}}}' in text
     assert f'{{"solver.step", REAL, PARAMETER, 1, {(1e-9).hex()}, {(1e-2).hex()}, {(1e-5).hex()}}}' in text
     assert '{"initial.motor_speed", REAL, PARAMETER, 1, -INFINITY, INFINITY' in text
+
+
+@pytest.mark.parametrize("model", ports.MODELS)
+def test_the_header_finds_the_slope_of_each_input(model: str) -> None:
+    """By the input's number, which INPUT_OF gives for its value reference, and -1 for every other variable."""
+    text = header(model, "{guid}")
+    number_of, slope_of = (
+        [int(entry) for entry in re.search(rf"{name}\[\] = {{(.*?)}}", text)[1].split(",")]
+        for name in ("INPUT_OF", "SLOPE_OF")
+    )
+    assert len(number_of) == len(ports.VARIABLES) and len(slope_of) == len(ports.INPUTS)
+    for variable, number in zip(ports.VARIABLES, number_of, strict=True):
+        assert number == (-1 if variable not in ports.INPUTS else ports.INPUTS.index(variable))
+        assert number < 0 or slope_of[number] == SLOPES[variable.name]
+
+
+def test_the_header_holds_every_status() -> None:
+    text = header("HF", "{guid}")
+    for status in Status:
+        assert f"STATUS_{status.name} = {status.value}" in text and json.dumps(status.message) in text
 
 
 @pytest.mark.parametrize(

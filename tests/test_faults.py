@@ -8,7 +8,8 @@ import pytest
 from flight import Flight
 from scipy.signal import butter, sosfiltfilt
 
-from ema_fmu_src.physics import trig, windings
+from ema_fmu_src.physics import windings
+from ema_fmu_src.physics.phases import Abc, three_phases
 from harness.trials import trial
 
 STEP = 1e-4  # s
@@ -19,7 +20,7 @@ def equivalent_current(fidelity: str, *faults: tuple[str, float]) -> np.ndarray:
     """Of SIN, through a zero-phase low-pass of 30 Hz [A]; from the filtered output, since sampling the instantaneous one
     every 0.1 ms folds HF's ripple into the band."""
     command = trial("SIN").inputs["command"]
-    flight = Flight(fidelity, **dict(faults))
+    flight = Flight(fidelity, dict(faults))
     flown = flight.fly(lambda t: command[round(t / STEP)], n=len(command) - 1)
     return sosfiltfilt(butter(2, 30.0, fs=1.0 / STEP, output="sos"), flown["equivalent_current_filtered"])
 
@@ -27,11 +28,11 @@ def equivalent_current(fidelity: str, *faults: tuple[str, float]) -> np.ndarray:
 @pytest.mark.parametrize(
     "fault, most",
     [
-        (("fault__N_a", 0.8), 0.10),
-        (("fault__friction", 2.0), 0.10),
-        (("fault__backlash", 50.0), 0.10),
-        (("fault__gain", 0.7), 0.10),
-        (("fault__zeta", 0.1), 0.15),
+        (("fault.N_a", 0.8), 0.10),
+        (("fault.friction", 2.0), 0.10),
+        (("fault.backlash", 50.0), 0.10),
+        (("fault.gain", 0.7), 0.10),
+        (("fault.zeta", 0.1), 0.15),
     ],
 )
 @pytest.mark.parametrize("fidelity", ["ELF+", "LF"])
@@ -47,9 +48,9 @@ def torque_of(turns: tuple[float, float, float]) -> np.ndarray:
     """Torque over a turn of theta_e with currents -sin(theta_j), K_e = 1, some turns shorted."""
     torque = []
     for theta in np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False):
-        s_a, s_b, s_c, c_a, c_b, c_c = trig.three_phases(math.sin(theta), math.cos(theta))
-        phases = zip(turns, ((s_a, c_a), (s_b, c_b), (s_c, c_c)), strict=True)
-        torque.append(sum(windings.back_emf_coefficient(n, 1.0, s, c, 0.0, 0.0) * -s for n, (s, c) in phases))
+        s, c = three_phases(math.sin(theta), math.cos(theta))
+        k = windings.back_emf_coefficients(Abc(*turns), windings.Field(1.0, 0.0, 0.0), s, c)
+        torque.append(windings.torque(k, Abc(-s.a, -s.b, -s.c)))
     return np.array(torque)
 
 
@@ -65,7 +66,9 @@ def test_a_short_gives_a_second_harmonic(turns: tuple[float, float, float]) -> N
 @pytest.mark.parametrize("fidelity", ["HF", "ELF+"])
 def test_a_short_at_constant_speed_ripples_twice_a_turn(fidelity: str) -> None:
     """The torque a loaded motor needs is even: its current answers the second harmonic of the short, not the others."""
-    flight = Flight(fidelity, fault__N_a=0.7, mechanics__J=1e-2, mechanics__end_stop=1e3, initial__motor_speed=100.0)
+    flight = Flight(
+        fidelity, {"fault.N_a": 0.7, "mechanics.J": 1e-2, "mechanics.end_stop": 1e3, "initial.motor_speed": 100.0}
+    )
     flown = flight.fly(lambda t: 100.0 / 200.0 * t + 100.0 / 8000.0, n=6000, load=lambda t: 30.0)
     electrical = 2.0 * flown["motor_position"][3000:]
     torque = flown["motor_torque"][3000:]
@@ -82,7 +85,7 @@ def test_a_short_at_constant_speed_ripples_twice_a_turn(fidelity: str) -> None:
 def test_the_shaft_follows_the_rotor_through_its_play(fidelity: str, scale: float) -> None:
     """Analytic: at a reversal the user shaft stands still until the rotor has crossed the play, gear.backlash*scale."""
     command = trial("SIN").inputs["command"]
-    flown = Flight(fidelity, fault__backlash=scale).fly(lambda t: command[round(t / STEP)], n=12000)
+    flown = Flight(fidelity, {"fault.backlash": scale}).fly(lambda t: command[round(t / STEP)], n=12000)
     gap = flown["motor_position"] / 200.0 - flown["position"]
     half = 0.5e-4 * scale
     assert np.max(np.abs(gap)) == pytest.approx(half, rel=1e-9)
@@ -93,9 +96,9 @@ def test_the_shaft_follows_the_rotor_through_its_play(fidelity: str, scale: floa
 
 @pytest.mark.parametrize("fidelity", ["HF", "ELF", "ELF+", "LF"])
 def test_a_jam_stops_the_shaft(fidelity: str) -> None:
-    flight = Flight(fidelity, command=0.2)
+    flight = Flight(fidelity, {"command": 0.2})
     assert flight.to(0.02)["motor_speed"] > 50.0
-    flight.set(fault__jam=5.0)
+    flight.set({"fault.jam": 5.0})
     at = flight.to(0.05)["position"]
     assert flight["motor_speed"] == 0.0
     assert flight.to(0.1)["position"] == at

@@ -11,18 +11,18 @@ LEAST_SUPPLY = 1.0
 
 
 class Leg(NamedTuple):
-    """What a leg remembers: the commanded switch u (+1 upper, -1 lower), what is left of its dead time, and how fast its
+    """What a leg remembers: the commanded side (+1 upper switch, -1 lower), what is left of its dead time, and how fast its
     current error nears the band (0: not known)."""
 
-    u: float
+    side: float
     dead_left: float
     closing: float
 
 
 @kernel
-def open_side(open_switch, leg):
-    """+1 (upper) or -1 (lower) if `open_switch` (1, 2: leg 0; 3, 4: leg 1; 5, 6: leg 2) is in number `leg`, else 0."""
-    code = int(open_switch) - 2 * leg
+def open_side(open_switch, number):
+    """+1 (upper) or -1 (lower) if `open_switch` (1, 2: leg 0; 3, 4: leg 1; 5, 6: leg 2) is in leg `number`, else 0."""
+    code = int(open_switch) - 2 * number
     if code == 1:
         return 1.0
     if code == 2:
@@ -39,9 +39,9 @@ def live(V_dc):
 @kernel
 def gate(leg_j, open_side_j, is_live):
     """Which switch of a leg conducts: +1, -1, or 0 while both are off (dead time, the commanded switch open, no supply)."""
-    if leg_j.dead_left > 0.0 or leg_j.u == open_side_j or not is_live:
+    if leg_j.dead_left > 0.0 or leg_j.side == open_side_j or not is_live:
         return 0.0
-    return leg_j.u
+    return leg_j.side
 
 
 @kernel
@@ -79,8 +79,8 @@ def forward_biased(v_open, V_dc):
 def conduction(rails, star, i, e, V_dc):
     """The rails once the diodes of open legs are looked at; 1/L_j of the legs that conduct, and 1 over their sum."""
     if rails.a != 0.0 and rails.b != 0.0 and rails.c != 0.0:
-        return rails, star.G, star.per_G
-    g = _conducting(rails, star.G)
+        return rails, star.g, star.per_g
+    g = _conducting(rails, star.g)
     if g.a + g.b + g.c > 0.0:
         v_n = star_point(inductor_voltages(leg_voltages(rails, V_dc), star.R, i, e), g, per_sum(g))
     else:  # nothing ties the star: it floats until the largest difference of the back-EMFs reaches V_dc
@@ -90,16 +90,16 @@ def conduction(rails, star, i, e, V_dc):
         rails.b if rails.b != 0.0 else forward_biased(v_n + e.b, V_dc),
         rails.c if rails.c != 0.0 else forward_biased(v_n + e.c, V_dc),
     )
-    g = _conducting(rails, star.G)
+    g = _conducting(rails, star.g)
     return rails, g, per_sum(g)
 
 
 @kernel
-def _conducting(rails, G):
+def _conducting(rails, g):
     return Abc(
-        G.a if rails.a != 0.0 else 0.0,
-        G.b if rails.b != 0.0 else 0.0,
-        G.c if rails.c != 0.0 else 0.0,
+        g.a if rails.a != 0.0 else 0.0,
+        g.b if rails.b != 0.0 else 0.0,
+        g.c if rails.c != 0.0 else 0.0,
     )
 
 
@@ -116,7 +116,7 @@ def time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j):
     The end of a dead time changes nothing where the diode has led to the new rail already.
     """
     if gate_j == 0.0:
-        if 0.0 < leg_j.dead_left < h and rail_j != leg_j.u:
+        if 0.0 < leg_j.dead_left < h and rail_j != leg_j.side:
             h = leg_j.dead_left
         if i_j * slope_j < 0.0 and abs(slope_j) * h > abs(i_j):
             zero = abs(i_j / slope_j)

@@ -16,6 +16,6 @@ def quadrature_current(i, s, c):
 
 
 @kernel
-def low_pass(y, u, smoothing):
-    """First-order low-pass y after a step h with the mean input u (trapezoidal rule): smoothing = h/(tau + h/2)."""
-    return y + (u - y) * smoothing
+def low_pass(i_filtered, q, smoothing):
+    """First-order low-pass after a step h with the mean q (trapezoidal rule): smoothing = h/(tau + h/2)."""
+    return i_filtered + (q - i_filtered) * smoothing

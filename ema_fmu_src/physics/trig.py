@@ -63,18 +63,18 @@ def sincos(angle):
 
 
 @kernel
-def rotate(s, c, d):
-    """Sine and cosine of an angle advanced by the small angle `d` [rad], from its sine `s` and cosine `c`.
+def rotate(s, c, angle):
+    """Sine and cosine of an angle advanced by the small `angle` [rad], from its sine `s` and cosine `c`.
 
-    Taylor polynomials, error below 1e-11 for |d| <= 0.05; beyond that the polynomial of `sincos`. A third of the cost
+    Taylor polynomials, error below 1e-11 for |angle| <= 0.05; beyond that the polynomial of `sincos`. A third of the cost
     of `sincos` in HF's step.
     """
-    if -0.05 <= d <= 0.05:
-        z = d * d
-        sd = d * (1.0 - z * (1.0 / 6.0) * (1.0 - z * 0.05))
+    if -0.05 <= angle <= 0.05:
+        z = angle * angle
+        sd = angle * (1.0 - z * (1.0 / 6.0) * (1.0 - z * 0.05))
         cd = 1.0 - 0.5 * z * (1.0 - z * (1.0 / 12.0))
     else:
-        sd, cd = sincos(d)
+        sd, cd = sincos(angle)
     return s * cd + c * sd, c * cd - s * sd
 
 

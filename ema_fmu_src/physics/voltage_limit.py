@@ -14,7 +14,7 @@ class Driven(NamedTuple):
 
     i: Abc
     i_mean: Abc
-    u: Abc
+    v: Abc
     limited: bool
 
 
@@ -43,7 +43,7 @@ def _means(i, i_new, phases, h):
 @kernel
 def needs(i, i_ref, e, phases, per_h):
     """What the currents ask of the legs over a step h = 1/per_h: the voltages hold_j = e_j + R_j*i_j that keep them as they
-    are, need_j = (i_ref_j - i_j)/a_j + hold_j that take them to their references, and 1/a_j."""
+    are, need_j = (i_ref_j - i_j)/y_j + hold_j that take them to their references, and 1/y_j."""
     R, L = phases
     impedance = Abc(step_impedance(per_h, R.a, L.a), step_impedance(per_h, R.b, L.b), step_impedance(per_h, R.c, L.c))
     hold = Abc(e.a + R.a * i.a, e.b + R.b * i.b, e.c + R.c * i.c)
@@ -63,7 +63,7 @@ def beyond(need, V_dc):
 
 @kernel
 def step_impedance(per_h, R_j, L_j):
-    """1/a_j: voltage per change of current over a step, L_j/h + R_j/2 by the trapezoidal rule; R_j where the current settles
+    """1/y_j: voltage per change of current over a step, L_j/h + R_j/2 by the trapezoidal rule; R_j where the current settles
     within the step (h*R_j/L_j > 2), as in `windings.damping`."""
     return max(L_j * per_h + 0.5 * R_j, R_j)
 
@@ -78,40 +78,40 @@ def independent(i, i_ref, e, R, N, phases, V_dc, h):
         independent_phase(i_ref.c, e.c, R, N.c, V_dc),
     )
     i_mean = Abc(0.5 * (i.a + i_new.a), 0.5 * (i.b + i_new.b), 0.5 * (i.c + i_new.c))
-    u = Abc(e.a + N.a * R * i_mean.a, e.b + N.b * R * i_mean.b, e.c + N.c * R * i_mean.c)
+    v = Abc(e.a + N.a * R * i_mean.a, e.b + N.b * R * i_mean.b, e.c + N.c * R * i_mean.c)
     _, need, _ = needs(i, i_ref, e, phases, 1.0 / h)
-    return Driven(i_new, i_mean, u, beyond(need, V_dc))
+    return Driven(i_new, i_mean, v, beyond(need, V_dc))
 
 
 @kernel
 def coupled(i, i_ref, e, phases, V_dc, h):
     """ELF+'s step h: the references where the averaged inverter can reach them (the star point floats), else saturation."""
-    hold, need, impedance = needs(i, i_ref, e, phases, 1.0 / h)
+    hold, need, z = needs(i, i_ref, e, phases, 1.0 / h)
     limited = beyond(need, V_dc)
     if not limited:
         return Driven(i_ref, _means(i, i_ref, phases, h), need, limited)
-    a = Abc(1.0 / impedance.a, 1.0 / impedance.b, 1.0 / impedance.c)
-    u = saturated_legs(need, a, hold, V_dc)
-    v_n = star_point(Abc(u.a - hold.a, u.b - hold.b, u.c - hold.c), a, per_sum(a))
+    y = Abc(1.0 / z.a, 1.0 / z.b, 1.0 / z.c)
+    v = saturated_legs(need, y, hold, V_dc)
+    v_n = star_point(Abc(v.a - hold.a, v.b - hold.b, v.c - hold.c), y, per_sum(y))
     i_new = Abc(
-        i.a + a.a * (u.a - v_n - hold.a),
-        i.b + a.b * (u.b - v_n - hold.b),
-        i.c + a.c * (u.c - v_n - hold.c),
+        i.a + y.a * (v.a - v_n - hold.a),
+        i.b + y.b * (v.b - v_n - hold.b),
+        i.c + y.c * (v.c - v_n - hold.c),
     )
-    return Driven(i_new, _means(i, i_new, phases, h), u, limited)
+    return Driven(i_new, _means(i, i_new, phases, h), v, limited)
 
 
 @kernel
-def _middle(need_m, a_m, hold_m, a_h, hold_h, a_l, hold_l, V_dc):
+def _middle(need_m, y_m, hold_m, y_h, hold_h, y_l, hold_l, V_dc):
     """Voltage of the leg between the two rails: what its reference needs, as far as the rails let it."""
-    total = a_h + a_l + a_m
-    A = a_h * (0.5 * V_dc - hold_h) + a_l * (-0.5 * V_dc - hold_l) - a_m * hold_m
-    return clamp((need_m + A / total) / (1.0 - a_m / total), -0.5 * V_dc, 0.5 * V_dc)
+    total = y_h + y_l + y_m
+    A = y_h * (0.5 * V_dc - hold_h) + y_l * (-0.5 * V_dc - hold_l) - y_m * hold_m
+    return clamp((need_m + A / total) / (1.0 - y_m / total), -0.5 * V_dc, 0.5 * V_dc)
 
 
 @kernel
-def saturated_legs(need, a, hold, V_dc):
-    """Leg voltages u_j about the mid-point in saturation (ours).
+def saturated_legs(need, y, hold, V_dc):
+    """Leg voltages v_j about the mid-point in saturation (ours).
 
     The leg with the largest need sits at +V_dc/2, that with the smallest at -V_dc/2, and the third follows its
     reference as far as it can.
@@ -120,12 +120,12 @@ def saturated_legs(need, a, hold, V_dc):
     low = -high
     if need.a >= need.b:
         if need.b >= need.c:
-            return Abc(high, _middle(need.b, a.b, hold.b, a.a, hold.a, a.c, hold.c, V_dc), low)
+            return Abc(high, _middle(need.b, y.b, hold.b, y.a, hold.a, y.c, hold.c, V_dc), low)
         if need.a >= need.c:
-            return Abc(high, low, _middle(need.c, a.c, hold.c, a.a, hold.a, a.b, hold.b, V_dc))
-        return Abc(_middle(need.a, a.a, hold.a, a.c, hold.c, a.b, hold.b, V_dc), low, high)
+            return Abc(high, low, _middle(need.c, y.c, hold.c, y.a, hold.a, y.b, hold.b, V_dc))
+        return Abc(_middle(need.a, y.a, hold.a, y.c, hold.c, y.b, hold.b, V_dc), low, high)
     if need.a >= need.c:
-        return Abc(_middle(need.a, a.a, hold.a, a.b, hold.b, a.c, hold.c, V_dc), high, low)
+        return Abc(_middle(need.a, y.a, hold.a, y.b, hold.b, y.c, hold.c, V_dc), high, low)
     if need.b >= need.c:
-        return Abc(low, high, _middle(need.c, a.c, hold.c, a.b, hold.b, a.a, hold.a, V_dc))
-    return Abc(low, _middle(need.b, a.b, hold.b, a.c, hold.c, a.a, hold.a, V_dc), high)
+        return Abc(low, high, _middle(need.c, y.c, hold.c, y.b, hold.b, y.a, hold.a, V_dc))
+    return Abc(low, _middle(need.b, y.b, hold.b, y.c, hold.c, y.a, hold.a, V_dc), high)

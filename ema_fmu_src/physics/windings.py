@@ -26,21 +26,21 @@ class Series(NamedTuple):
 
 
 class Star(NamedTuple):
-    """The star-connected phases: resistances with a switch or a diode in series, G_j = 1/L_j, 1/sum(G_j), and the fastest
-    decay, the largest R_j*G_j."""
+    """The star-connected phases: R_j with a switch or a diode in series, g_j = 1/L_j, 1/sum(g_j), and the fastest decay, the
+    largest R_j*g_j."""
 
     R: Abc
-    G: Abc
-    per_G: float
+    g: Abc
+    per_g: float
     decay: float
 
 
 @kernel
 def star(N, R, R_on, L):
     """The star with R_j = N_j*R + R_on and L_j = N_j^2*L."""
-    G = Abc(1.0 / (N.a * N.a * L), 1.0 / (N.b * N.b * L), 1.0 / (N.c * N.c * L))
+    g = Abc(1.0 / (N.a * N.a * L), 1.0 / (N.b * N.b * L), 1.0 / (N.c * N.c * L))
     R_j = Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on)
-    return Star(R_j, G, per_sum(G), max(R_j.a * G.a, R_j.b * G.b, R_j.c * G.c))
+    return Star(R_j, g, per_sum(g), max(R_j.a * g.a, R_j.b * g.b, R_j.c * g.c))
 
 
 @kernel
@@ -98,7 +98,7 @@ def inductor_voltages(v, R, i, e):
 
 @kernel
 def star_point(d, g, per_g):
-    """v_n = sum(g_j*d_j)/sum(g_j), exact for unequal phases; g_j = 1/L_j, 0 in a leg that does not conduct."""
+    """v_n = sum(g_j*d_j)/sum(g_j), exact for unequal phases; g_j = 0 in a leg that does not conduct."""
     return (g.a * d.a + g.b * d.b + g.c * d.c) * per_g
 
 

@@ -77,12 +77,12 @@ def _step(v, x, t, h):
     w_ahead = actuator.w_ahead(v, x, motion, windings.torque(k, i), load, h)
     driven = _driven(v, x, i, i_ref, windings.back_emf(k, w_ahead), V_dc, h)
 
-    i, u = driven.i_mean, driven.u
+    i, v_legs = driven.i_mean, driven.v
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, i), load, h)
     s_end, c_end = rotate(s_end, c_end, p * (theta - motion.theta - 2.0 * half))
     means = actuator.Means(
         monitor.quadrature_current(i, s, c),
-        (u.a * i.a + u.b * i.b + u.c * i.c) / V_dc if live else inverter.rectified(i),
+        (v_legs.a * i.a + v_legs.b * i.b + v_legs.c * i.c) / V_dc if live else inverter.rectified(i),
         R * (N.a * i.a * i.a + N.b * i.b * i.b + N.c * i.c * i.c),
     )
     moved = actuator.Motion(theta, w, position, s_end, c_end, T_f, stop)

@@ -34,9 +34,9 @@ from .status import Status
 OWN = (
     State("ref_cos", "A", "I_ref times the cosine of the latched error of the electrical angle"),
     State("ref_sin", "A", "I_ref times its sine"),
-    State("u_a", "1", "commanded switch of leg a: +1 upper, -1 lower"),
-    State("u_b", "1", "commanded switch of leg b"),
-    State("u_c", "1", "commanded switch of leg c"),
+    State("side_a", "1", "commanded side of leg a: +1 upper switch, -1 lower"),
+    State("side_b", "1", "commanded side of leg b"),
+    State("side_c", "1", "commanded side of leg c"),
     State("dead_left_a", "s", "what is left of the dead time of leg a"),
     State("dead_left_b", "s", "what is left of the dead time of leg b"),
     State("dead_left_c", "s", "what is left of the dead time of leg c"),
@@ -111,7 +111,7 @@ def initialize(v, x):
     if status != Status.OK:
         return status
     x[own.ref_cos] = x[now.I_ref]
-    x[own.u_a], x[own.u_b], x[own.u_c] = -1.0, -1.0, -1.0
+    x[own.side_a], x[own.side_b], x[own.side_c] = -1.0, -1.0, -1.0
     return actuator.publish(v, x, 0.0)
 
 
@@ -140,9 +140,9 @@ def _machine(v, x):
 def _read(x):
     """What moves, from `x`: motion, currents, legs, sums."""
     legs = Abc(
-        Leg(x[own.u_a], x[own.dead_left_a], x[own.closing_a]),
-        Leg(x[own.u_b], x[own.dead_left_b], x[own.closing_b]),
-        Leg(x[own.u_c], x[own.dead_left_c], x[own.closing_c]),
+        Leg(x[own.side_a], x[own.dead_left_a], x[own.closing_a]),
+        Leg(x[own.side_b], x[own.dead_left_b], x[own.closing_b]),
+        Leg(x[own.side_c], x[own.dead_left_c], x[own.closing_c]),
     )
     return actuator.motion(x), actuator.currents(x), legs, Sums(x[now.i_filtered], x[now.charge], x[now.loss])
 
@@ -152,9 +152,9 @@ def _write(x, motion, i, legs, sums):
     """What moves, into `x`."""
     actuator.write_motion(x, motion)
     actuator.write_currents(x, i)
-    x[own.u_a], x[own.dead_left_a], x[own.closing_a] = legs.a
-    x[own.u_b], x[own.dead_left_b], x[own.closing_b] = legs.b
-    x[own.u_c], x[own.dead_left_c], x[own.closing_c] = legs.c
+    x[own.side_a], x[own.dead_left_a], x[own.closing_a] = legs.a
+    x[own.side_b], x[own.dead_left_b], x[own.closing_b] = legs.b
+    x[own.side_c], x[own.dead_left_c], x[own.closing_c] = legs.c
     x[now.i_filtered], x[now.charge], x[now.loss] = sums
 
 
@@ -210,9 +210,9 @@ def _step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, lo
         hysteresis.approach(legs.b, ref, slope.b, w_e, s.b, c.b),
         hysteresis.approach(legs.c, ref, slope.c, w_e, s.c, c.c),
     )
-    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, star.R.a * star.G.a)
-    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, star.R.b * star.G.b)
-    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, star.R.c * star.G.c)
+    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, star.R.a * star.g.a)
+    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, star.R.b * star.g.b)
+    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, star.R.c * star.g.c)
     return legs, min(longest, max(h, SHORTEST))
 
 
@@ -255,33 +255,33 @@ def _sum_up(m, sums, rail, i, mean, i_new, s, c, h):
 @kernel
 def _toward(star, i, slope, h):
     """The currents after a step h along their slopes, bent by the resistances."""
-    R, G = star.R, star.G
+    R, g_j = star.R, star.g
     return Abc(
-        i.a + h * slope.a * windings.damping(h * R.a * G.a),
-        i.b + h * slope.b * windings.damping(h * R.b * G.b),
-        i.c + h * slope.c * windings.damping(h * R.c * G.c),
+        i.a + h * slope.a * windings.damping(h * R.a * g_j.a),
+        i.b + h * slope.b * windings.damping(h * R.b * g_j.b),
+        i.c + h * slope.c * windings.damping(h * R.c * g_j.c),
     )
 
 
 @kernel
 def _damped(star, g, h):
     """g_j of a step h that is implicit in the resistances."""
-    R, G = star.R, star.G
+    R, g_j = star.R, star.g
     return Abc(
-        g.a * windings.damping(h * R.a * G.a),
-        g.b * windings.damping(h * R.b * G.b),
-        g.c * windings.damping(h * R.c * G.c),
+        g.a * windings.damping(h * R.a * g_j.a),
+        g.b * windings.damping(h * R.b * g_j.b),
+        g.c * windings.damping(h * R.c * g_j.c),
     )
 
 
 @kernel
 def _between(star, i, i_new, h):
     """Mean currents of such a step."""
-    R, G = star.R, star.G
+    R, g_j = star.R, star.g
     return Abc(
-        i.a + (i_new.a - i.a) * windings.mean_share(h * R.a * G.a, 1.0),
-        i.b + (i_new.b - i.b) * windings.mean_share(h * R.b * G.b, 1.0),
-        i.c + (i_new.c - i.c) * windings.mean_share(h * R.c * G.c, 1.0),
+        i.a + (i_new.a - i.a) * windings.mean_share(h * R.a * g_j.a, 1.0),
+        i.b + (i_new.b - i.b) * windings.mean_share(h * R.b * g_j.b, 1.0),
+        i.c + (i_new.c - i.c) * windings.mean_share(h * R.c * g_j.c, 1.0),
     )
 
 
@@ -311,9 +311,9 @@ def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
         v_n = windings.star_point(d, g, circuit.per_g)
     i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
     legs = Abc(
-        Leg(legs.a.u, legs.a.dead_left - h, legs.a.closing),
-        Leg(legs.b.u, legs.b.dead_left - h, legs.b.closing),
-        Leg(legs.c.u, legs.c.dead_left - h, legs.c.closing),
+        Leg(legs.a.side, legs.a.dead_left - h, legs.a.closing),
+        Leg(legs.b.side, legs.b.dead_left - h, legs.b.closing),
+        Leg(legs.c.side, legs.c.dead_left - h, legs.c.closing),
     )
     if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
         i_new = inverter.cut_off(legs, m.open_side, circuit.live, i, i_new, g)

@@ -116,7 +116,7 @@ def take_in(v, x, tick_length, moving):
 
 @kernel
 def input_at(v, x, source, t):
-    """The input `source` (of `inputs`) at time `t` [s]: its value at the last communication point, and its slope since."""
+    """One of `inputs` at time `t` [s]: its value at the last communication point, and its slope since."""
     return v[source.port] + x[source.slope] * (t - x[clock.point])
 
 

@@ -1,1 +1,1 @@
-"""Files that people give (read with every complaint in its place) and files that commands write (whole or not at all)."""
+"""Files that users give, read with the place of every mistake, and files that commands write, whole or not at all."""

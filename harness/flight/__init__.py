@@ -1,1 +1,1 @@
-"""FMUs in flight: files opened, instances driven through trials, alone, one after another, or coupled."""
+"""FMUs in flight: opened, then driven through trials alone, one after another, or coupled."""

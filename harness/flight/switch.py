@@ -2,8 +2,8 @@
 
 A flight of legs: each leg's twin starts where the last one's stands, by the parameters `initial.*`: rotor angle and speed,
 user shaft, phase currents, current reference, filtered current, the controller's integral. Each counts its controller's
-ticks from its own start, so a switch at a whole multiple of the period keeps the sampling in step. LF keeps no integral:
-the twin after it gets the current that LF commands beyond the proportional part, so that the reference does not jump.
+ticks from its own start, so a switch at a whole multiple of the period keeps the sampling in step. LF has no integral and
+gives the one with which the twin after it commands the same current.
 """
 
 import re
@@ -11,11 +11,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
-from ema_fmu_src import ports
 from ema_fmu_src.fidelities import Fidelity
+from harness.comparison import FIGURES
 from harness.errors import HarnessError
 from harness.fidelity import parse_fidelities
 from harness.flight.twin import Twin
@@ -31,8 +30,10 @@ STATE = {
     "initial.reference_current": "reference_current",
     "initial.current_filtered": "equivalent_current_filtered",
 }
-"""The parameter of the next twin, and the output of the last one that it takes; the integral comes besides."""
-WATCHED = ("position", "motor_speed", "equivalent_current_filtered")
+"""A parameter of the next twin, and the output of the last one that it is set to."""
+INTEGRAL = ("initial.integral", "controller.integral")
+"""The same for the integral, which is no output."""
+WATCHED = tuple(variable for variable, _ in FIGURES)
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Jump:
 
 
 def parse_schedule(text: str) -> Schedule:
-    """A schedule from text such as ELF+:HF@1.2 or HF:ELF+@0.6:HF@1.4; HarnessError for another text."""
+    """A schedule from text such as ELF+:HF@1.2 or HF:ELF+@0.6:HF@1.4; HarnessError for any other."""
     first, *rest = text.split(":")
     wanted = f"--switch {text}: FIDELITY:FIDELITY@SECONDS is needed, such as ELF+:HF@1.2"
     if not rest or "@" in first:
@@ -106,7 +107,7 @@ def fly(
         with Twin(fmus / fidelity.fmu) as twin:
             settings = merged(fidelity, parameters) | state
             leg = twin.run(_part(trial, first, last), settings, on_progress=on_progress)
-            integral = twin.read("controller.integral")
+            integral = twin.read(INTEGRAL[1])
         if legs:
             values = {name: float(leg[name][0]) - float(legs[-1][name][-1]) for name in WATCHED}
             jumps.append(Jump(trial.name, float(leg.time[0]), legs[-1].attrs["fidelity"], fidelity.name, values))
@@ -115,7 +116,7 @@ def fly(
         if leg.attrs["stopped"]:
             break
         state = {parameter: float(leg[output][-1]) for parameter, output in STATE.items()}
-        state["initial.integral"] = _integral_after_lf(leg, parameters) if fidelity.name == "LF" else integral
+        state[INTEGRAL[0]] = integral
     parts = [*(leg.isel(time=slice(None, -1)) for leg in legs[:-1]), legs[-1]]
     joined = xr.concat(parts, dim="time", combine_attrs="override")
     times = trial.time[: joined.sizes["time"]]
@@ -132,12 +133,3 @@ def fly(
 def _part(trial: Trial, first: int, last: int) -> Trial:
     inputs = {name: values[first : last + 1] for name, values in trial.inputs.items()}
     return replace(trial, start=trial.start + first * trial.step, inputs=inputs)
-
-
-def _integral_after_lf(leg: xr.Dataset, parameters: Mapping[str, float]) -> float:
-    """What the integral [A] of the next twin must be for its current reference to go on from LF's."""
-    value = {variable.name: parameters.get(variable.name, variable.start) for variable in ports.PARAMETERS}
-    gain = value["fault.gain"] * value["controller.K_pos"] * value["gear.ratio"]
-    limit = value["controller.speed_limit"]
-    w_ref = float(np.clip(gain * float(leg.command[-1] - leg.position[-1]), -limit, limit))
-    return float(leg.reference_current[-1]) - value["controller.K_p"] * (w_ref - float(leg.motor_speed[-1]))

@@ -13,6 +13,6 @@ int ema_advance(double *v, double *x, double t) {
     (void)t;
     int output = 0;
     for (int i = 0; i < N_VARIABLES && output < N_INPUTS; i++)
-        if (VARIABLES[i].causality == OUTPUT) v[i] = x[SLOPE + output++];
+        if (VARIABLES[i].causality == OUTPUT) v[i] = x[SLOPE_OF[output++]];
     return 0;
 }

@@ -25,15 +25,15 @@ def speed_reference(gains, command, position):
 
 @kernel
 def speed_pi(gains, w_ref, w, xi):
-    """I_ref and xi after a sample: u = K_p*e + xi, e = w_ref - w, I_ref = clamp(u, +-current_limit).
+    """I_ref and xi after a sample: u = K_p*e_w + xi, e_w = w_ref - w, I_ref = clamp(u, +-current_limit).
 
     Conditional anti-windup: the integral moves only while the output is free or the error drives it back.
     """
-    e = w_ref - w
-    u = gains.K_p * e + xi
+    e_w = w_ref - w
+    u = gains.K_p * e_w + xi
     I_ref = clamp(u, -gains.current_limit, gains.current_limit)
-    if u == I_ref or e * u < 0.0:
-        xi += gains.K_i * e * gains.T_c
+    if u == I_ref or e_w * u < 0.0:
+        xi += gains.K_i * e_w * gains.T_c
     return I_ref, xi
 
 

@@ -21,19 +21,19 @@ def compare(comparator, leg_j, error_j):
     At +band the upper switch is commanded, at -band the lower, between them nothing changes. An error that is beyond the
     band has got there by `closing` (0: not known), so that part of the dead time is over.
     """
-    beyond = -leg_j.u * error_j - comparator.band
+    beyond = -leg_j.side * error_j - comparator.band
     if beyond < -comparator.margin:
         return leg_j
     dead_left = comparator.dead_time
     if beyond > 0.0 and leg_j.closing > 0.0:
         dead_left -= beyond / leg_j.closing
-    return Leg(-leg_j.u, max(0.0, dead_left), leg_j.closing)
+    return Leg(-leg_j.side, max(0.0, dead_left), leg_j.closing)
 
 
 @kernel
 def approach(leg_j, ref, slope_j, w_e, s_j, c_j):
-    """The leg with the speed at which its error nears the band: u_j*(di_j/dt - di_ref_j/dt)."""
-    return Leg(leg_j.u, leg_j.dead_left, leg_j.u * (slope_j + w_e * (ref.cos * c_j - ref.sin * s_j)))
+    """The leg with the speed at which its error nears the band: side_j*(di_j/dt - di_ref_j/dt)."""
+    return Leg(leg_j.side, leg_j.dead_left, leg_j.side * (slope_j + w_e * (ref.cos * c_j - ref.sin * s_j)))
 
 
 @kernel
@@ -45,10 +45,10 @@ def time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j):
     halves HF's time. A current that may die out in the dead time is looked at step by step.
     """
     if leg_j.closing > 0.0:
-        kept = gate_j != 0.0 and leg_j.u * i_j < -2.0 * comparator.dead_time * abs(slope_j)
+        kept = gate_j != 0.0 and leg_j.side * i_j < -2.0 * comparator.dead_time * abs(slope_j)
         wait = comparator.dead_time if kept else 0.0
-        distance = leg_j.u * error_j + comparator.band
+        distance = leg_j.side * error_j + comparator.band
         if leg_j.closing * (h - wait) > distance:
             t = distance / leg_j.closing
-            h = t + 0.5 * decay_j * leg_j.u * t * t * slope_j / leg_j.closing + wait
+            h = t + 0.5 * decay_j * leg_j.side * t * t * slope_j / leg_j.closing + wait
     return h
