@@ -10,6 +10,12 @@ from ema_fmu_src.physics.controller import cascade
 from ema_fmu_src.physics.phases import Abc, three_phases
 
 HEALTHY = Abc(1.0, 1.0, 1.0)
+
+
+def alike(value: float) -> Abc:
+    return Abc(value, value, value)
+
+
 GAINS = cascade.Gains(K_motor=40.0 * 200.0, speed_limit=2000.0, K_p=1.3, K_i=10.0, T_c=1e-4, current_limit=10.0)
 
 
@@ -103,7 +109,7 @@ def test_the_carrying_integral_makes_the_next_sample_go_on(I_ref):
 def test_healthy_shape_functions_are_one():
     for theta in np.linspace(0.0, 6.0, 13):
         s, c = three_phases(math.sin(theta), math.cos(theta))
-        assert single_phase.shape(HEALTHY, windings.Field(0.05, 0.0, 0.0), s, c) == pytest.approx(1.0)
+        assert single_phase.shape(HEALTHY, windings.Field(0.05, alike(0.0), alike(0.0)), s, c) == pytest.approx(1.0)
         assert single_phase.resistance(1.3, HEALTHY, s) == pytest.approx(1.3)
 
 
@@ -111,7 +117,7 @@ def test_eccentricity_gives_a_third_harmonic_of_p_zeta_half():
     """Eq. 2 with i_j = -I*sin(theta_j): T = 1.5*K_e*I*(1 - (p*zeta/2)*cos(3*theta - phi) + ...) for a balanced machine."""
     depth, phi = 0.2, 0.3
     angles = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
-    field = windings.Field(0.05, depth * math.cos(phi), depth * math.sin(phi))
+    field = windings.Field(0.05, alike(depth * math.cos(phi)), alike(depth * math.sin(phi)))
     torque = []
     for theta in angles:
         s, c = three_phases(math.sin(theta), math.cos(theta))

@@ -49,7 +49,7 @@ def torque_of(turns: tuple[float, float, float]) -> np.ndarray:
     torque = []
     for theta in np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False):
         s, c = three_phases(math.sin(theta), math.cos(theta))
-        k = windings.back_emf_coefficients(Abc(*turns), windings.Field(1.0, 0.0, 0.0), s, c)
+        k = windings.back_emf_coefficients(Abc(*turns), windings.Field(1.0, Abc(0.0, 0.0, 0.0), Abc(0.0, 0.0, 0.0)), s, c)
         torque.append(windings.torque(k, Abc(-s.a, -s.b, -s.c)))
     return np.array(torque)
 
