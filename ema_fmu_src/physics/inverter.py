@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 from .jit import kernel
 from .phases import Abc
-from .windings import inductor_voltages, per_sum, star_point
 
 
 class Leg(NamedTuple):
@@ -51,9 +50,9 @@ def rail(gate_j, i_j):
 
 
 @kernel
-def leg_voltages(rails, V_dc):
+def leg_voltages(rail, V_dc):
     """v_j = +-V_dc/2 about the mid-point."""
-    return Abc(0.5 * V_dc * rails.a, 0.5 * V_dc * rails.b, 0.5 * V_dc * rails.c)
+    return Abc(0.5 * V_dc * rail.a, 0.5 * V_dc * rail.b, 0.5 * V_dc * rail.c)
 
 
 @kernel
@@ -64,31 +63,6 @@ def forward_biased(v_open, V_dc):
     if v_open < -0.5 * V_dc:
         return -1.0
     return 0.0
-
-
-@kernel
-def conduction(rails, star, i, e, V_dc):
-    """The rails once the diodes of open legs are looked at; 1/L_j of the legs that conduct, and 1 over their sum."""
-    if rails.a != 0.0 and rails.b != 0.0 and rails.c != 0.0:
-        return rails, star.g, star.per_g
-    g = _conducting(rails, star.g)
-    v_n = star_point(inductor_voltages(leg_voltages(rails, V_dc), star.R, i, e), g, per_sum(g))
-    rails = Abc(
-        rails.a if rails.a != 0.0 else forward_biased(v_n + e.a, V_dc),
-        rails.b if rails.b != 0.0 else forward_biased(v_n + e.b, V_dc),
-        rails.c if rails.c != 0.0 else forward_biased(v_n + e.c, V_dc),
-    )
-    g = _conducting(rails, star.g)
-    return rails, g, per_sum(g)
-
-
-@kernel
-def _conducting(rails, g):
-    return Abc(
-        g.a if rails.a != 0.0 else 0.0,
-        g.b if rails.b != 0.0 else 0.0,
-        g.c if rails.c != 0.0 else 0.0,
-    )
 
 
 @kernel

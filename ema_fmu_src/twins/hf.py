@@ -10,14 +10,16 @@ Back-EMF and torque (the paper, Eq. 2): e_j = k_j*w, T_m = sum(k_j*i_j).
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
 
 Between switchings the equations are smooth and are stepped by the midpoint rule (second order). How far a step goes is a
-rule of its own: `_step_to_event` (solver.event_located) or `_fixed_step`, always solver.step.
+rule of its own: `events.step_to_event` (solver.event_located) or `events.fixed_step`, always
+solver.step.
 
 Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dynamics, forward voltage of the diodes.
 """
 
 from typing import NamedTuple
 
-from ..physics import inverter, monitor, sensor, windings
+from ..physics import events, inverter, monitor, sensor, windings
+from ..physics.circuit import connect, mean, mean_square, stopped_at_zero
 from ..physics.inverter import Leg
 from ..physics.jit import kernel
 from ..physics.modulator import hysteresis, reference
@@ -26,22 +28,19 @@ from ..physics.phases import Abc, three_phases
 from ..physics.trig import clamp, rotate, sincos
 from . import actuator, host
 from .actuator import derived, now, since
-from .host import clock, inputs, told, trial
+from .host import clock, inputs, partial, told
 from .memory import Moving, State, places, port, whole
 from .status import Status
 
 OWN = (
     State("ref_cos", "A", "I_ref times the cosine of the latched error of the electrical angle"),
     State("ref_sin", "A", "I_ref times its sine"),
-    State("side_a", "1", "commanded side of leg a: +1 upper switch, -1 lower"),
-    State("side_b", "1", "commanded side of leg b"),
-    State("side_c", "1", "commanded side of leg c"),
-    State("dead_left_a", "s", "what is left of the dead time of leg a"),
-    State("dead_left_b", "s", "what is left of the dead time of leg b"),
-    State("dead_left_c", "s", "what is left of the dead time of leg c"),
-    State("closing_a", "A/s", "how fast the current error of leg a neared the band in the last step"),
-    State("closing_b", "A/s", "how fast that of leg b did"),
-    State("closing_c", "A/s", "how fast that of leg c did"),
+    *(State(f"side_{j}", "1", f"commanded side of leg {j}: +1 upper switch, -1 lower") for j in "abc"),
+    *(State(f"dead_left_{j}", "s", f"what is left of the dead time of leg {j}") for j in "abc"),
+    *(
+        State(f"closing_{j}", "A/s", f"how fast the current error of leg {j} neared the band in the last step")
+        for j in "abc"
+    ),
 )
 """What HF remembers of its motion beside what all fidelities do."""
 STATES = whole(actuator.ONCE, (*actuator.MOVING, *OWN))
@@ -51,8 +50,6 @@ own = places("own", OWN, first=len(actuator.ONCE) + len(actuator.MOVING))
 
 MOST_STEPS = 20000
 """Bound of event-located steps in one controller period; a healthy run takes some 60."""
-SHORTEST = 1e-9
-"""Shortest step that is aimed at an event [s]: 0.1 mA of the current's slope."""
 MARGIN = 4e-3
 """Event-located: a current error this close to the band, as a fraction of it, has reached it. The relative tolerance of an
 experiment, if one is given, takes its place, within FINEST and COARSEST."""
@@ -74,17 +71,6 @@ class Machine(NamedTuple):
     comparator: hysteresis.Comparator
     open_side: Abc
     offset: Abc
-
-
-class Circuit(NamedTuple):
-    """The legs and the star between two switchings: switches, rails, 1/L of what conducts, voltages, slopes of currents."""
-
-    gate: Abc
-    rail: Abc
-    g: Abc
-    per_g: float
-    v: Abc
-    slope: Abc
 
 
 class Sums(NamedTuple):
@@ -150,109 +136,30 @@ def _write(x, motion, i, legs, sums):
 
 @kernel
 def _sample(v, x, motion, t):
-    """The controller's sample at time `t` [s], through the resolver: writes the reference."""
+    """The controller's sample at time `t` [s], through the resolver: writes the reference, returns the motion with sine and
+    cosine made anew."""
     p, G, bits, offset = v[port.motor.p], v[port.gear.ratio], v[port.sensor.resolver_bits], v[port.fault.resolver_offset]
     measured = sensor.resolver(motion.theta + offset, bits)
     position = sensor.resolver(motion.position * G + offset, bits) / G
     I_ref = actuator.control(v, x, t, position, motion.w)
     s, c = sincos(p * (measured - motion.theta))
     x[own.ref_cos], x[own.ref_sin] = I_ref * c, I_ref * s
-
-
-@kernel
-def _look(comparator, legs, error):
-    """The modulator's look at the legs."""
-    return Abc(
-        hysteresis.compare(comparator, legs.a, error.a),
-        hysteresis.compare(comparator, legs.b, error.b),
-        hysteresis.compare(comparator, legs.c, error.c),
-    )
-
-
-@kernel
-def _circuit(m, motion, i, legs, s, c, V_dc):
-    """The circuit that switches, diodes and the star make of the legs."""
-    gate = Abc(
-        inverter.gate(legs.a, m.open_side.a), inverter.gate(legs.b, m.open_side.b), inverter.gate(legs.c, m.open_side.c)
-    )
-    e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
-    tied = Abc(inverter.rail(gate.a, i.a), inverter.rail(gate.b, i.b), inverter.rail(gate.c, i.c))
-    rail, g, per_g = inverter.conduction(tied, m.star, i, e, V_dc)
-    v = inverter.leg_voltages(rail, V_dc)
-    d = windings.inductor_voltages(v, m.star.R, i, e)
-    v_n = windings.star_point(d, g, per_g)
-    slope = Abc(g.a * (d.a - v_n), g.b * (d.b - v_n), g.c * (d.c - v_n))
-    return Circuit(gate, rail, g, per_g, v, slope)
-
-
-@kernel
-def _event(h, comparator, leg_j, error_j, gate_j, rail_j, i_j, slope_j, decay_j):
-    """The earlier of `h` and the next change of a leg's voltage."""
-    h = hysteresis.time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j)
-    return inverter.time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j)
-
-
-@kernel
-def _step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, longest):
-    """The legs with the speeds of their errors, and the event-located step: to the next event, at most `longest`."""
-    slope, gate, rail = circuit.slope, circuit.gate, circuit.rail
-    legs = Abc(
-        hysteresis.approach(legs.a, ref, slope.a, w_e, s.a, c.a),
-        hysteresis.approach(legs.b, ref, slope.b, w_e, s.b, c.b),
-        hysteresis.approach(legs.c, ref, slope.c, w_e, s.c, c.c),
-    )
-    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, star.R.a * star.g.a)
-    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, star.R.b * star.g.b)
-    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, star.R.c * star.g.c)
-    return legs, min(longest, max(h, SHORTEST))
-
-
-@kernel
-def _fixed_step(step, to_tick):
-    """The fixed rule: `step`, the last one before the controller's tick taking up what rounding has left."""
-    return to_tick if to_tick < 1.5 * step else step
-
-
-@kernel
-def _cut_off(open_side, legs, i, i_new):
-    """The new currents once those of legs that are off have stopped at zero; the star shares out what is taken off."""
-    a, b, c = i_new
-    cut_a = inverter.cut_off(legs.a, open_side.a, i.a, a)
-    cut_b = inverter.cut_off(legs.b, open_side.b, i.b, b)
-    cut_c = inverter.cut_off(legs.c, open_side.c, i.c, c)
-    if cut_a != 0.0:
-        a, b, c = 0.0, b + 0.5 * cut_a, c + 0.5 * cut_a
-    if cut_b != 0.0:
-        a, b, c = a + 0.5 * cut_b, 0.0, c + 0.5 * cut_b
-    if cut_c != 0.0:
-        a, b, c = a + 0.5 * cut_c, b + 0.5 * cut_c, 0.0
-    return Abc(a, b, c)
-
-
-@kernel
-def _mean(i_j, i_middle_j, i_new_j):
-    """Mean current over a step: the middle, taken along the first slope, misses the bend one way, the ends another."""
-    return (i_j + i_middle_j + i_new_j) * (1.0 / 3.0)
-
-
-@kernel
-def _square(i_j, i_new_j):
-    """Mean square of a current that is straight over a step."""
-    return (i_j * i_j + i_j * i_new_j + i_new_j * i_new_j) * (1.0 / 3.0)
+    s, c = sincos(p * motion.theta)
+    return actuator.Motion(motion.theta, motion.w, motion.position, s, c, motion.T_f)
 
 
 @kernel
 def _sum_up(m, sums, circuit, i, i_middle, i_new, s, c, h):
-    """The sums after a step h with theta_e = asin(s) at its middle.
-
-    They take the currents' bend within the step into account: third order, at one step a commutation.
-    """
+    """The sums after a step h; s, c at its middle. They take the bend of the currents within the step into account: third
+    order, at one step a commutation."""
     N, rail = m.N, circuit.rail
-    loss = sums.loss + h * m.R * (N.a * _square(i.a, i_new.a) + N.b * _square(i.b, i_new.b) + N.c * _square(i.c, i_new.c))
-    mean = Abc(_mean(i.a, i_middle.a, i_new.a), _mean(i.b, i_middle.b, i_new.b), _mean(i.c, i_middle.c, i_new.c))
-    q = monitor.quadrature_current(mean, s, c)
+    loss = sums.loss + h * m.R * (
+        N.a * mean_square(i.a, i_new.a) + N.b * mean_square(i.b, i_new.b) + N.c * mean_square(i.c, i_new.c)
+    )
+    i_mean = Abc(mean(i.a, i_middle.a, i_new.a), mean(i.b, i_middle.b, i_new.b), mean(i.c, i_middle.c, i_new.c))
+    q = monitor.quadrature_current(i_mean, s, c)
     i_filtered = monitor.low_pass(sums.i_filtered, q, h / (m.tau + 0.5 * h))
-    charge = sums.charge + 0.5 * h * (rail.a * mean.a + rail.b * mean.b + rail.c * mean.c)
+    charge = sums.charge + 0.5 * h * (rail.a * i_mean.a + rail.b * i_mean.b + rail.c * i_mean.c)
     return Sums(i_filtered, charge, loss)
 
 
@@ -274,7 +181,7 @@ def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
         Leg(legs.c.side, legs.c.dead_left - h, legs.c.closing),
     )
     if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
-        i_new = _cut_off(m.open_side, legs, i, i_new)
+        i_new = stopped_at_zero(legs, m.open_side, i, i_new)
     sums = _sum_up(m, sums, circuit, i, middle, i_new, s, c, h)
     s, c = rotate(motion.s, motion.c, m.p * (theta - motion.theta))
     return actuator.Motion(theta, w, position, s, c, T_f), i_new, legs, sums
@@ -307,35 +214,34 @@ def advance(v, x, t):
         if left <= close:
             break
         if x[clock.tick] == x[clock.next_sample]:
-            _sample(v, x, motion, x[clock.tick] * T_c)
-            s_e, c_e = sincos(m.p * motion.theta)
-            motion = actuator.Motion(motion.theta, motion.w, motion.position, s_e, c_e, motion.T_f)
+            motion = _sample(v, x, motion, x[clock.tick] * T_c)
             x[clock.next_sample] += 1.0
             steps = 0
         ref = Reference(x[own.ref_cos], x[own.ref_sin])
         V_dc = max(0.0, host.input_at(v, x, inputs.supply_voltage, t - left))
         s, c = three_phases(motion.s, motion.c)
         error = reference.errors(ref, s, c, i, m.offset)
-        legs = _look(m.comparator, legs, error)
-        circuit = _circuit(m, motion, i, legs, s, c, V_dc)
+        legs = hysteresis.look(m.comparator, legs, error)
+        e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
+        circuit = connect(legs, m.open_side, m.star, i, e, V_dc)
         if located:
-            legs, h = _step_to_event(
+            legs, h = events.step_to_event(
                 m.comparator, m.star, ref, m.p * motion.w, i, legs, error, circuit, s, c, min(longest, T_c - elapsed)
             )
             steps += 1
             if steps > MOST_STEPS:
                 return Status.STUCK
         else:
-            h = _fixed_step(longest, T_c - elapsed)
-        on_trial = h > left + close
-        if on_trial:
+            h = events.fixed_step(longest, T_c - elapsed)
+        partial_step = h > left + close
+        if partial_step:
             _write(x, motion, i, legs, sums)
             x[clock.offset] = elapsed
             host.back_up(v, x, MOVING)
             h = left
         load = host.input_at(v, x, inputs.load_torque, t - left + 0.5 * h)
         motion, i, legs, sums = _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h)
-        if on_trial:
+        if partial_step:
             break
         elapsed += h
         if elapsed >= T_c - close:
@@ -343,6 +249,6 @@ def advance(v, x, t):
             s, c = three_phases(motion.s, motion.c)
             _tick(x, m.comparator.band, reference.errors(ref, s, c, i, m.offset))
     _write(x, motion, i, legs, sums)
-    if x[trial.pending] == 0.0:
+    if x[partial.pending] == 0.0:
         x[clock.offset] = elapsed
     return actuator.publish(v, x, t)
