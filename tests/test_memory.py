@@ -12,7 +12,7 @@ from ema_fmu_src.twins import SLOPES, STALE, TOLERANCE, TWINS, actuator, elf, hf
 from ema_fmu_src.twins.memory import Moving, port
 
 TWIN_OF = {"HF": hf, "ELF": elf, "LF": lf}
-BLOCKS = (host.told, host.clock, host.trial, actuator.derived, actuator.since, actuator.now)
+BLOCKS = (host.told, host.clock, host.partial, actuator.derived, actuator.since, actuator.now)
 PLAIN = """
 import json
 from flight import Flight

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 from .jit import kernel
 from .phases import Abc
-from .windings import inductor_voltages, per_sum, star_point
 
 LEAST_SUPPLY = 1.0
 """V_dc that the inverter needs (ours): below it no switch conducts, only the diodes do, in every fidelity."""
@@ -60,9 +59,9 @@ def rail(gate_j, i_j):
 
 
 @kernel
-def leg_voltages(rails, V_dc):
+def leg_voltages(rail, V_dc):
     """v_j = +-V_dc/2 about the mid-point."""
-    return Abc(0.5 * V_dc * rails.a, 0.5 * V_dc * rails.b, 0.5 * V_dc * rails.c)
+    return Abc(0.5 * V_dc * rail.a, 0.5 * V_dc * rail.b, 0.5 * V_dc * rail.c)
 
 
 @kernel
@@ -73,34 +72,6 @@ def forward_biased(v_open, V_dc):
     if v_open < -0.5 * V_dc:
         return -1.0
     return 0.0
-
-
-@kernel
-def conduction(rails, star, i, e, V_dc):
-    """The rails once the diodes of open legs are looked at; 1/L_j of the legs that conduct, and 1 over their sum."""
-    if rails.a != 0.0 and rails.b != 0.0 and rails.c != 0.0:
-        return rails, star.g, star.per_g
-    g = _conducting(rails, star.g)
-    if g.a + g.b + g.c > 0.0:
-        v_n = star_point(inductor_voltages(leg_voltages(rails, V_dc), star.R, i, e), g, per_sum(g))
-    else:  # nothing ties the star: it floats until the largest difference of the back-EMFs reaches V_dc
-        v_n = -0.5 * (max(e.a, e.b, e.c) + min(e.a, e.b, e.c))
-    rails = Abc(
-        rails.a if rails.a != 0.0 else forward_biased(v_n + e.a, V_dc),
-        rails.b if rails.b != 0.0 else forward_biased(v_n + e.b, V_dc),
-        rails.c if rails.c != 0.0 else forward_biased(v_n + e.c, V_dc),
-    )
-    g = _conducting(rails, star.g)
-    return rails, g, per_sum(g)
-
-
-@kernel
-def _conducting(rails, g):
-    return Abc(
-        g.a if rails.a != 0.0 else 0.0,
-        g.b if rails.b != 0.0 else 0.0,
-        g.c if rails.c != 0.0 else 0.0,
-    )
 
 
 @kernel
@@ -123,37 +94,3 @@ def time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j):
             if zero < leg_j.dead_left or leg_j.dead_left <= 0.0:
                 h = zero
     return h
-
-
-@kernel
-def _dies(leg_j, open_side_j, is_live, i_j, i_new_j):
-    """Whether a leg is off and its current has come to zero in the step."""
-    if gate(leg_j, open_side_j, is_live) != 0.0:
-        return False
-    return i_j * i_new_j < 0.0 or (i_j != 0.0 and -1e-9 < i_new_j < 1e-9)
-
-
-@kernel
-def _share(i_j, rest, g_j, g_other):
-    """i_j with its part of what was taken off another leg: all of it where the third leg conducts nothing."""
-    if g_j == 0.0:
-        return i_j
-    return i_j + (0.5 * rest if g_other != 0.0 else rest)
-
-
-@kernel
-def cut_off(legs, open_side, is_live, i, i_new, g):
-    """The currents after a step once those that have died in legs that are off are zero; the legs that conduct (g_j > 0)
-    take up what is taken off. Where two have died, the star leaves the third no way."""
-    a = _dies(legs.a, open_side.a, is_live, i.a, i_new.a)
-    b = _dies(legs.b, open_side.b, is_live, i.b, i_new.b)
-    c = _dies(legs.c, open_side.c, is_live, i.c, i_new.c)
-    if (a and b) or (b and c) or (c and a):
-        return Abc(0.0, 0.0, 0.0)
-    if a:
-        return Abc(0.0, _share(i_new.b, i_new.a, g.b, g.c), _share(i_new.c, i_new.a, g.c, g.b))
-    if b:
-        return Abc(_share(i_new.a, i_new.b, g.a, g.c), 0.0, _share(i_new.c, i_new.b, g.c, g.a))
-    if c:
-        return Abc(_share(i_new.a, i_new.c, g.a, g.b), _share(i_new.b, i_new.c, g.b, g.a), 0.0)
-    return i_new

@@ -1,8 +1,8 @@
 """The symbols of the equations: what each means, in which unit, and where it comes from.
 
 How names are made of them: a suffix _j is a phase's (j = a, b, c), and without it the symbol is that of all three or of
-what they share; _new is at the end of a step, _mean over it; a name that starts with per_ is one over the rest of it.
-In the twins' modules `s` and `c` may be spelt `sines` and `cosines` where those of theta_e are there too.
+what they share; _middle is in the middle of a step, _new at its end, _mean over it; a name that starts with per_ is one
+over the rest of it. Where sine and cosine of theta_e and of theta_j stand side by side, the latter are `sines`, `cosines`.
 
 Sources: "paper" is Quattrocchi, Dalla Vedova, Berri: J. Phys. Conf. Ser. 2526 (2023) 012076; "Borello" is the dry friction
 with a static and a Coulomb limit after L. Borello (Politecnico di Torino); "ours" is this project's. Where none is named,
@@ -38,6 +38,8 @@ _ALL = (
     Symbol("x", "rad", "gear's angle at the user shaft, before the play", "theta/G"),
     Symbol("position", "rad", "user shaft angle, after the play", port="position"),
     Symbol("G", "1", "gear ratio, motor to user shaft", port="gear.ratio"),
+    Symbol("to_tick", "s", "time to the controller's next tick"),
+    Symbol("longest", "s", "longest step", port="solver.step"),
     Symbol("half_play", "rad", "half of the play at the user shaft", "gear.backlash*fault.backlash/2", "ours"),
     Symbol("h", "s", "length of a step; in a search for an event, the shortest so far"),
     Symbol("bits", "1", "resolution of the resolver: 2^bits counts a turn", source="ours", port="sensor.resolver_bits"),
@@ -86,7 +88,6 @@ _ALL = (
     Symbol("side", "1", "commanded side of a leg: +1 upper switch, -1 lower"),
     Symbol("gate", "1", "switch of a leg that conducts: +1 upper, -1 lower, 0 none"),
     Symbol("rail", "1", "rail that a leg is tied to: +1 upper, -1 lower, 0 none"),
-    Symbol("rails", "1", "those of the three legs"),
     Symbol("open_side", "1", "side whose switch stays open: +1 upper, -1 lower, 0 none", "fault.open_switch", "ours"),
     Symbol("open_switch", "1", "number of the switch that stays open", source="ours", port="fault.open_switch"),
     Symbol("number", "1", "number of a leg: 0, 1, 2 for a, b, c"),
@@ -139,9 +140,10 @@ _ALL = (
     Symbol("ref", "", "modulator.reference.Reference"),
     Symbol("comparator", "", "hysteresis.Comparator"),
     Symbol("leg", "", "inverter.Leg"),
-    Symbol("legs", "", "those of the three phases"),
+    Symbol("legs", "", "inverter.Leg of the three legs"),
     Symbol("star", "", "windings.Star"),
     Symbol("phases", "", "windings.Series"),
+    Symbol("circuit", "", "circuit.Circuit"),
     Symbol("field", "", "windings.Field"),
     Symbol("friction", "", "mechanics.Friction"),
     # plain numbers
@@ -150,7 +152,7 @@ _ALL = (
     Symbol("high", "", "an upper limit"),
 )
 SYMBOLS: dict[str, Symbol] = {symbol.name: symbol for symbol in _ALL}
-SUFFIXES = ("_a", "_b", "_c", "_j", "_new", "_mean")
+SUFFIXES = ("_a", "_b", "_c", "_j", "_middle", "_new", "_mean")
 
 
 def find(name: str) -> Symbol | None:

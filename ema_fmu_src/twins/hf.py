@@ -10,15 +10,16 @@ Back-EMF and torque (the paper, Eq. 2): e_j = k_j*w, T_m = sum(k_j*i_j).
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
 
 Between switchings the equations are smooth and are stepped by the midpoint rule (second order; implicit in the resistances
-where they bend the currents within a step). How far a step goes is a
-rule of its own: `_step_to_event` (solver.event_located) or `_fixed_step`, always solver.step.
+where they bend the currents within a step). How far a step goes is a rule of its own: `events.step_to_event`
+(solver.event_located) or `events.fixed_step`, always solver.step.
 
 Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dynamics, forward voltage of the diodes.
 """
 
 from typing import NamedTuple
 
-from ..physics import inverter, monitor, sensor, stability, voltage_limit, windings
+from ..physics import events, inverter, monitor, sensor, stability, voltage_limit, windings
+from ..physics.circuit import between, connect, damped, mean, mean_square, stopped_at_zero, toward
 from ..physics.inverter import Leg
 from ..physics.jit import kernel
 from ..physics.modulator import hysteresis, reference
@@ -27,22 +28,19 @@ from ..physics.phases import Abc, three_phases
 from ..physics.trig import clamp, rotate, sincos
 from . import actuator, host
 from .actuator import derived, now, since
-from .host import clock, inputs, told, trial
+from .host import clock, inputs, partial, told
 from .memory import Moving, State, places, port, whole
 from .status import Status
 
 OWN = (
     State("ref_cos", "A", "I_ref times the cosine of the latched error of the electrical angle"),
     State("ref_sin", "A", "I_ref times its sine"),
-    State("side_a", "1", "commanded side of leg a: +1 upper switch, -1 lower"),
-    State("side_b", "1", "commanded side of leg b"),
-    State("side_c", "1", "commanded side of leg c"),
-    State("dead_left_a", "s", "what is left of the dead time of leg a"),
-    State("dead_left_b", "s", "what is left of the dead time of leg b"),
-    State("dead_left_c", "s", "what is left of the dead time of leg c"),
-    State("closing_a", "A/s", "how fast the current error of leg a neared the band in the last step"),
-    State("closing_b", "A/s", "how fast that of leg b did"),
-    State("closing_c", "A/s", "how fast that of leg c did"),
+    *(State(f"side_{j}", "1", f"commanded side of leg {j}: +1 upper switch, -1 lower") for j in "abc"),
+    *(State(f"dead_left_{j}", "s", f"what is left of the dead time of leg {j}") for j in "abc"),
+    *(
+        State(f"closing_{j}", "A/s", f"how fast the current error of leg {j} neared the band in the last step")
+        for j in "abc"
+    ),
 )
 """What HF remembers of its motion beside what all fidelities do."""
 STATES = whole(actuator.ONCE, (*actuator.MOVING, *OWN))
@@ -53,8 +51,6 @@ own = places("own", OWN, first=len(actuator.ONCE) + len(actuator.MOVING))
 MOST_STEPS = 20000
 """Bound of event-located steps in one controller period, beside those that its longest step asks for; a healthy run takes
 some 60."""
-SHORTEST = 1e-9
-"""Shortest step that is aimed at an event [s]: 0.1 mA of the current's slope."""
 MARGIN = 4e-3
 """Event-located: a current error this close to the band, as a fraction of it, has reached it. The relative tolerance of an
 experiment, if one is given, takes its place, within FINEST and COARSEST."""
@@ -78,19 +74,6 @@ class Machine(NamedTuple):
     open_side: Abc
     offset: Abc
     L: Abc
-
-
-class Circuit(NamedTuple):
-    """The legs and the star between two switchings: whether the supply lets them switch, switches, rails, 1/L of what
-    conducts, voltages, slopes of currents."""
-
-    live: bool
-    gate: Abc
-    rail: Abc
-    g: Abc
-    per_g: float
-    v: Abc
-    slope: Abc
 
 
 class Sums(NamedTuple):
@@ -160,60 +143,16 @@ def _write(x, motion, i, legs, sums):
 
 @kernel
 def _sample(v, x, motion, t):
-    """The controller's sample at time `t` [s], through the resolver: writes the reference."""
+    """The controller's sample at time `t` [s], through the resolver: writes the reference, returns the motion with sine and
+    cosine made anew."""
     p, G, bits, offset = v[port.motor.p], v[port.gear.ratio], v[port.sensor.resolver_bits], v[port.fault.resolver_offset]
     measured = sensor.resolver(motion.theta + offset, bits)
     position = sensor.resolver(motion.position * G + offset, bits) / G
     I_ref = actuator.control(v, x, t, position, motion.w)
     s, c = sincos(p * (measured - motion.theta))
     x[own.ref_cos], x[own.ref_sin] = I_ref * c, I_ref * s
-
-
-@kernel
-def _look(comparator, legs, error):
-    """The modulator's look at the legs."""
-    return Abc(
-        hysteresis.compare(comparator, legs.a, error.a),
-        hysteresis.compare(comparator, legs.b, error.b),
-        hysteresis.compare(comparator, legs.c, error.c),
-    )
-
-
-@kernel
-def _circuit(m, motion, i, legs, s, c, V_dc):
-    """The circuit that switches, diodes and the star make of the legs."""
-    live, side = inverter.live(V_dc), m.open_side
-    gate = Abc(inverter.gate(legs.a, side.a, live), inverter.gate(legs.b, side.b, live), inverter.gate(legs.c, side.c, live))
-    e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
-    tied = Abc(inverter.rail(gate.a, i.a), inverter.rail(gate.b, i.b), inverter.rail(gate.c, i.c))
-    rail, g, per_g = inverter.conduction(tied, m.star, i, e, V_dc)
-    v = inverter.leg_voltages(rail, V_dc)
-    d = windings.inductor_voltages(v, m.star.R, i, e)
-    v_n = windings.star_point(d, g, per_g)
-    slope = Abc(g.a * (d.a - v_n), g.b * (d.b - v_n), g.c * (d.c - v_n))
-    return Circuit(live, gate, rail, g, per_g, v, slope)
-
-
-@kernel
-def _event(h, comparator, leg_j, error_j, gate_j, rail_j, i_j, slope_j, decay_j):
-    """The earlier of `h` and the next change of a leg's voltage."""
-    h = hysteresis.time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j)
-    return inverter.time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j)
-
-
-@kernel
-def _step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, longest):
-    """The legs with the speeds of their errors, and the event-located step: to the next event, at most `longest`."""
-    slope, gate, rail = circuit.slope, circuit.gate, circuit.rail
-    legs = Abc(
-        hysteresis.approach(legs.a, ref, slope.a, w_e, s.a, c.a),
-        hysteresis.approach(legs.b, ref, slope.b, w_e, s.b, c.b),
-        hysteresis.approach(legs.c, ref, slope.c, w_e, s.c, c.c),
-    )
-    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, star.R.a * star.g.a)
-    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, star.R.b * star.g.b)
-    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, star.R.c * star.g.c)
-    return legs, min(longest, max(h, SHORTEST))
+    s, c = sincos(p * motion.theta)
+    return actuator.Motion(motion.theta, motion.w, motion.position, s, c, motion.T_f, motion.stop)
 
 
 @kernel
@@ -224,65 +163,16 @@ def _turn_limited(m, w, step):
 
 
 @kernel
-def _fixed_step(step, to_tick):
-    """The fixed rule: `step`, the last one before the controller's tick taking up what rounding has left."""
-    return to_tick if to_tick < 1.5 * step else step
-
-
-@kernel
-def _mean(i_j, i_middle_j, i_new_j):
-    """Mean current over a step: the middle, taken along the first slope, misses the bend one way, the ends another."""
-    return (i_j + i_middle_j + i_new_j) * (1.0 / 3.0)
-
-
-@kernel
-def _square(i_j, i_new_j):
-    """Mean square of a current that is straight over a step."""
-    return (i_j * i_j + i_j * i_new_j + i_new_j * i_new_j) * (1.0 / 3.0)
-
-
-@kernel
-def _sum_up(m, sums, rail, i, mean, i_new, s, c, h):
-    """The sums after a step h with theta_e = asin(s) at its middle, the currents' `mean` and their ends."""
+def _sum_up(m, sums, rail, i, i_mean, i_new, s, c, h):
+    """The sums after a step h; s, c at its middle, i_mean the mean currents over it."""
     N = m.N
-    loss = sums.loss + h * m.R * (N.a * _square(i.a, i_new.a) + N.b * _square(i.b, i_new.b) + N.c * _square(i.c, i_new.c))
-    q = monitor.quadrature_current(mean, s, c)
+    loss = sums.loss + h * m.R * (
+        N.a * mean_square(i.a, i_new.a) + N.b * mean_square(i.b, i_new.b) + N.c * mean_square(i.c, i_new.c)
+    )
+    q = monitor.quadrature_current(i_mean, s, c)
     i_filtered = monitor.low_pass(sums.i_filtered, q, h / (m.tau + 0.5 * h))
-    charge = sums.charge + 0.5 * h * (rail.a * mean.a + rail.b * mean.b + rail.c * mean.c)
+    charge = sums.charge + 0.5 * h * (rail.a * i_mean.a + rail.b * i_mean.b + rail.c * i_mean.c)
     return Sums(i_filtered, charge, loss)
-
-
-@kernel
-def _toward(star, i, slope, h):
-    """The currents after a step h along their slopes, bent by the resistances."""
-    R, g_j = star.R, star.g
-    return Abc(
-        i.a + h * slope.a * windings.damping(h * R.a * g_j.a),
-        i.b + h * slope.b * windings.damping(h * R.b * g_j.b),
-        i.c + h * slope.c * windings.damping(h * R.c * g_j.c),
-    )
-
-
-@kernel
-def _damped(star, g, h):
-    """g_j of a step h that is implicit in the resistances."""
-    R, g_j = star.R, star.g
-    return Abc(
-        g.a * windings.damping(h * R.a * g_j.a),
-        g.b * windings.damping(h * R.b * g_j.b),
-        g.c * windings.damping(h * R.c * g_j.c),
-    )
-
-
-@kernel
-def _between(star, i, i_new, h):
-    """Mean currents of such a step."""
-    R, g_j = star.R, star.g
-    return Abc(
-        i.a + (i_new.a - i.a) * windings.mean_share(h * R.a * g_j.a, 1.0),
-        i.b + (i_new.b - i.b) * windings.mean_share(h * R.b * g_j.b, 1.0),
-        i.c + (i_new.c - i.c) * windings.mean_share(h * R.c * g_j.c, 1.0),
-    )
 
 
 @kernel
@@ -298,13 +188,13 @@ def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
     slope, g = circuit.slope, circuit.g
     stiff = h * m.star.decay > STIFF
     if stiff:
-        middle = _toward(m.star, i, slope, 0.5 * h)
+        middle = toward(m.star, i, slope, 0.5 * h)
     else:
         middle = Abc(i.a + 0.5 * h * slope.a, i.b + 0.5 * h * slope.b, i.c + 0.5 * h * slope.c)
     w_mean, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, middle), load, h)
     e = windings.back_emf(k, w_mean)
     if stiff:
-        d, g = windings.inductor_voltages(circuit.v, m.star.R, i, e), _damped(m.star, g, h)
+        d, g = windings.inductor_voltages(circuit.v, m.star.R, i, e), damped(m.star, g, h)
         v_n = windings.star_point(d, g, windings.per_sum(g))
     else:
         d = windings.inductor_voltages(circuit.v, m.star.R, middle, e)
@@ -316,12 +206,12 @@ def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
         Leg(legs.c.side, legs.c.dead_left - h, legs.c.closing),
     )
     if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
-        i_new = inverter.cut_off(legs, m.open_side, circuit.live, i, i_new, g)
+        i_new = stopped_at_zero(legs, m.open_side, circuit.is_live, i, i_new, g)
     if stiff:
-        mean = _between(m.star, i, i_new, h)
+        i_mean = between(m.star, i, i_new, h)
     else:
-        mean = Abc(_mean(i.a, middle.a, i_new.a), _mean(i.b, middle.b, i_new.b), _mean(i.c, middle.c, i_new.c))
-    sums = _sum_up(m, sums, circuit.rail, i, mean, i_new, s, c, h)
+        i_mean = Abc(mean(i.a, middle.a, i_new.a), mean(i.b, middle.b, i_new.b), mean(i.c, middle.c, i_new.c))
+    sums = _sum_up(m, sums, circuit.rail, i, i_mean, i_new, s, c, h)
     s, c = rotate(motion.s, motion.c, m.p * (theta - motion.theta))
     return actuator.Motion(theta, w, position, s, c, T_f, stop), i_new, legs, sums
 
@@ -370,42 +260,41 @@ def advance(v, x, t):
         if left <= close:
             break
         if x[clock.tick] == x[clock.next_sample]:
-            _sample(v, x, motion, x[clock.tick] * T_c)
-            s_e, c_e = sincos(m.p * motion.theta)
-            motion = actuator.Motion(motion.theta, motion.w, motion.position, s_e, c_e, motion.T_f, motion.stop)
+            motion = _sample(v, x, motion, x[clock.tick] * T_c)
             x[clock.next_sample] += 1.0
             steps = 0
         ref = Reference(x[own.ref_cos], x[own.ref_sin])
         V_dc = max(0.0, host.input_at(v, x, inputs.supply_voltage, t - left))
         s, c = three_phases(motion.s, motion.c)
         error = reference.errors(ref, s, c, i, m.offset)
-        legs = _look(m.comparator, legs, error)
-        circuit = _circuit(m, motion, i, legs, s, c, V_dc)
+        legs = hysteresis.look(m.comparator, legs, error)
+        e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
+        circuit = connect(legs, m.open_side, m.star, i, e, V_dc)
         step = _turn_limited(m, motion.w, longest)
         if located:
-            legs, h = _step_to_event(
+            legs, h = events.step_to_event(
                 m.comparator, m.star, ref, m.p * motion.w, i, legs, error, circuit, s, c, min(step, T_c - elapsed)
             )
             steps += 1
             if steps > most_steps:
                 return Status.STUCK
         else:
-            h = _fixed_step(step, T_c - elapsed)
-        on_trial = h > left + close
-        if on_trial:
+            h = events.fixed_step(step, T_c - elapsed)
+        partial_step = h > left + close
+        if partial_step:
             _write(x, motion, i, legs, sums)
             x[clock.offset] = elapsed
             host.back_up(v, x, MOVING)
             h = left
         load = host.input_at(v, x, inputs.load_torque, t - left + 0.5 * h)
         motion, i, legs, sums = _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h)
-        if on_trial:
+        if partial_step:
             break
         elapsed += h
         if elapsed >= T_c - close:
             elapsed = 0.0
             _tick(x, _limited(m, ref, motion, i, V_dc, T_c))
     _write(x, motion, i, legs, sums)
-    if x[trial.pending] == 0.0:
+    if x[partial.pending] == 0.0:
         x[clock.offset] = elapsed
     return actuator.publish(v, x, t)

@@ -1,10 +1,10 @@
 """What every FMU needs, whatever it models: start, inputs, and steps of its own whatever steps the host takes.
 
-A twin moves on ticks of its own. A communication point within a step is reached by a step on trial: what moves is backed up
+A twin moves on ticks of its own. A communication point within a step is reached by a partial step: what moves is backed up
 as it was at the last tick, and the step is taken to the communication point; once the host is beyond it, what moves is
 restored and the step is taken whole. So the results do not depend on how a run is cut into communication steps, as long as
-inputs and parameters are constant. A change of the load, of the supply or of a parameter is an event: the trial step is then
-kept, and the next step of the twin starts there.
+inputs and parameters are constant. A change of the load, of the supply or of a parameter is an event: the partial step is
+then kept, and the next step of the twin starts there.
 """
 
 from typing import Any, NamedTuple
@@ -30,16 +30,16 @@ CLOCK = (
     State("next_sample", "1", "the tick at which the controller is sampled next; infinite in a twin that does not sample"),
     State("point", "s", "time of the last communication point"),
 )
-TRIAL = (
-    State("pending", "1", "1: the last communication point was reached by a step on trial"),
+PARTIAL = (
+    State("pending", "1", "1: the last communication point was reached by a partial step"),
     State("ramped", "1", "1: an input had a slope then"),
     State("load_torque", "N.m", "input then, to notice a change"),
     State("supply_voltage", "V", "input then, to notice a change"),
 )
-STATES = (*TOLD, *CLOCK, *TRIAL)
+STATES = (*TOLD, *CLOCK, *PARTIAL)
 told = places("told", TOLD)
 clock = places("clock", CLOCK, first=len(TOLD))
-trial = places("trial", TRIAL, first=len(TOLD) + len(CLOCK))
+partial = places("partial", PARTIAL, first=len(TOLD) + len(CLOCK))
 
 
 class Input(NamedTuple):
@@ -60,8 +60,11 @@ CLOSE = 1e-6
 
 @kernel
 def start(v, x, period, longest, n_states):
-    """Clear `x`, and begin to count: the twin's own step is the longest within `longest` [s] that divides `period` [s], and
-    the controller is sampled every `period`."""
+    """Clear `x` and begin to count.
+
+    The twin's own step is the longest within `longest` [s] that divides `period` [s]; the controller is sampled every
+    period.
+    """
     for place in range(n_states):
         x[place] = 0.0
     x[clock.per_sample] = float(int(period / longest + 0.999999))
@@ -80,18 +83,18 @@ def _sloped(x):
 
 @kernel
 def back_up(v, x, moving):
-    """Before a step on trial: keep what moves as it is, and what is held or ramps."""
+    """Before a partial step: keep what moves as it is, and what is held or ramps."""
     for place in range(moving.first, moving.first + moving.size):
         x[place + moving.size] = x[place]
-    x[trial.pending] = 1.0
-    x[trial.ramped] = 1.0 if _sloped(x) else 0.0
-    x[trial.load_torque] = v[port.load_torque]
-    x[trial.supply_voltage] = v[port.supply_voltage]
+    x[partial.pending] = 1.0
+    x[partial.ramped] = 1.0 if _sloped(x) else 0.0
+    x[partial.load_torque] = v[port.load_torque]
+    x[partial.supply_voltage] = v[port.supply_voltage]
 
 
 @kernel
 def _restore(x, moving):
-    """Take back a step on trial."""
+    """Take back a partial step."""
     for place in range(moving.first, moving.first + moving.size):
         x[place] = x[place + moving.size]
 
@@ -100,16 +103,16 @@ def _restore(x, moving):
 def take_in(v, x, tick_length, moving):
     """Begin a communication step: whether the host has changed a parameter. `tick_length` [s] is that of clock.tick.
 
-    A step on trial is taken back if nothing has changed but the command, and kept otherwise.
+    A partial step is taken back if nothing has changed but the command, and kept otherwise.
     """
     stale = x[told.stale] != 0.0
-    if x[trial.pending] != 0.0:
-        changed = x[trial.load_torque] != v[port.load_torque] or x[trial.supply_voltage] != v[port.supply_voltage]
-        if stale or changed or x[trial.ramped] != 0.0 or _sloped(x):
+    if x[partial.pending] != 0.0:
+        changed = x[partial.load_torque] != v[port.load_torque] or x[partial.supply_voltage] != v[port.supply_voltage]
+        if stale or changed or x[partial.ramped] != 0.0 or _sloped(x):
             x[clock.offset] = x[clock.point] - x[clock.tick] * tick_length
         else:
             _restore(x, moving)
-        x[trial.pending] = 0.0
+        x[partial.pending] = 0.0
     x[told.stale] = 0.0
     return stale
 

@@ -35,8 +35,10 @@ MOST_GAIN = 10.0
 
 @kernel
 def _publish(v, x, t):
-    """End a communication step at time `t` [s]; the integral is the one with which a sampled twin would go on. Returns a
-    Status."""
+    """End a communication step at time `t` [s]; returns a Status.
+
+    The integral is the one with which a twin that has one would go on from LF's current reference.
+    """
     command = host.input_at(v, x, inputs.command, t)
     x[now.xi] = cascade.carrying_integral(actuator.gains(v, x), command, x[now.position], x[now.w], x[now.I_ref])
     return actuator.publish(v, x, t)

@@ -2,5 +2,5 @@
 
 `reference` gives the phase currents that are asked for; ELF takes them as they are, as far as the voltage reaches. A
 modulator that switches, such as `hysteresis`, looks at the current errors and commands a switch in each leg, and says when
-it will next do so. HF takes the modulator in `twins.hf._look` and `_step_to_event`, where it is chosen.
+it will next do so. HF takes its look in `twins.hf.advance`, the time of the next in `events.step_to_event`.
 """

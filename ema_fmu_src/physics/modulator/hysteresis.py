@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from ..inverter import Leg
 from ..jit import kernel
+from ..phases import Abc
 
 
 class Comparator(NamedTuple):
@@ -28,6 +29,16 @@ def compare(comparator, leg_j, error_j):
     if beyond > 0.0 and leg_j.closing > 0.0:
         dead_left -= beyond / leg_j.closing
     return Leg(-leg_j.side, max(0.0, dead_left), leg_j.closing)
+
+
+@kernel
+def look(comparator, legs, error):
+    """The three legs after a look at their comparators."""
+    return Abc(
+        compare(comparator, legs.a, error.a),
+        compare(comparator, legs.b, error.b),
+        compare(comparator, legs.c, error.c),
+    )
 
 
 @kernel

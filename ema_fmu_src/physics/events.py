@@ -1,0 +1,37 @@
+"""How far HF steps: to the next event that changes the voltage of a leg, or always as far."""
+
+from . import inverter
+from .jit import kernel
+from .modulator import hysteresis
+from .phases import Abc
+
+SHORTEST = 1e-9
+"""Shortest step that is aimed at an event [s]: 0.1 mA of the current's slope."""
+
+
+@kernel
+def _event(h, comparator, leg_j, error_j, gate_j, rail_j, i_j, slope_j, decay_j):
+    """The earlier of `h` and the next change of a leg's voltage."""
+    h = hysteresis.time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j)
+    return inverter.time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j)
+
+
+@kernel
+def step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, longest):
+    """The legs with the speeds of their errors, and the event-located step: to the next event, at most `longest`."""
+    slope, gate, rail = circuit.slope, circuit.gate, circuit.rail
+    legs = Abc(
+        hysteresis.approach(legs.a, ref, slope.a, w_e, s.a, c.a),
+        hysteresis.approach(legs.b, ref, slope.b, w_e, s.b, c.b),
+        hysteresis.approach(legs.c, ref, slope.c, w_e, s.c, c.c),
+    )
+    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, star.R.a * star.g.a)
+    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, star.R.b * star.g.b)
+    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, star.R.c * star.g.c)
+    return legs, min(longest, max(h, SHORTEST))
+
+
+@kernel
+def fixed_step(longest, to_tick):
+    """The fixed rule: `longest`, the last one before the controller's tick taking up what rounding has left."""
+    return to_tick if to_tick < 1.5 * longest else longest
