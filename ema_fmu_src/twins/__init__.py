@@ -11,6 +11,7 @@ The contract between a twin and whatever runs it (the native runtime's C, the py
 - `initialize(v, x) -> status` starts the twin at time 0 from the parameters and inputs in `v` and writes the outputs.
 - `advance(v, x, t) -> status` runs to time `t` in seconds since the start and writes the outputs. The inputs in `v` are
   those at the beginning of the step. Steps may have any length > 0; the twin keeps its own ticks.
+- where the clock of a twin lies in `x` is told by `CLOCK`, so that a host can check a copy before it uses it.
 - the status is 0, or an index into `STATUS`; after another status than 0 the twin is not to be advanced.
 
 The functions are numba dispatchers that accept numpy arrays or, for the native runtime, `CPointer(float64)`; they
@@ -22,10 +23,23 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..fidelities import FIDELITIES
-from . import elf, hf, lf
+from . import elf, hf, layout, lf
 from .layout import SLOPE, STALE, STATUS, TOLERANCE
 
-__all__ = ["SLOPE", "STALE", "STATUS", "TOLERANCE", "TWINS", "Twin"]
+__all__ = ["CLOCK", "SLOPE", "STALE", "STATUS", "TOLERANCE", "TWINS", "Twin"]
+
+CLOCK: dict[str, int] = {
+    "step": layout.GRID,
+    "per_period": layout.PER_PERIOD,
+    "tick": layout.TICK,
+    "offset": layout.OFFSET,
+    "due": layout.DUE,
+    "pending": layout.PENDING,
+    "ramped": layout.RAMPED,
+    "point": layout.POINT,
+}
+"""Place in `x` of each state of a twin's clock: its own step [s], how many make a controller period, whole ticks since the
+start, time since then [s], three flags (0 or 1), the time of the last communication point [s]."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +51,8 @@ class Twin:
     n_states: int
     initialize: Callable[[Any, Any], int]
     advance: Callable[[Any, Any, float], int]
+    tick: str = ""
+    """The port that tells how long a tick of the clock is; empty: as long as the twin's own step."""
 
 
 TWINS: dict[str, Twin] = {
@@ -46,6 +62,7 @@ TWINS: dict[str, Twin] = {
         hf.N_STATES,
         hf.initialize,
         hf.advance,
+        tick="controller.period",
     ),
     "ELF": Twin(
         "ELF",

@@ -14,7 +14,7 @@ typedef struct {
     double x[N_STATES];
     double slope[N_INPUTS];    /* of each input over the next step, per second */
     double start, point, stop; /* experiment, and the last communication point [s] */
-    double tolerance;          /* 0: none given */
+    double tolerance;
     int32_t mode;
     int32_t fresh;  /* while initializing: the outputs agree with what has been set */
     int32_t status; /* of the twin: index into STATUS */
@@ -29,5 +29,18 @@ struct Instance {
 };
 
 #define REFUSE(...) return instance_tell(m, ERROR, __VA_ARGS__)
+
+/* Takes in what has been set, while initializing. */
+Outcome instance_initialize(Instance *m);
+
+/* Whether the variable may have the value, at some time; the bounds of a Real that has none are the largest numbers. */
+static inline bool in_range(const Variable *variable, double value) {
+    return value >= variable->minimum && value <= variable->maximum;
+}
+
+/* Whether the host may set the variable, at some time. */
+static inline bool is_settable(const Variable *variable) {
+    return variable->causality == INPUT || variable->causality == PARAMETER;
+}
 
 #endif

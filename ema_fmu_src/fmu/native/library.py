@@ -1,20 +1,20 @@
 """Compiles and links the shared libraries of a native FMU."""
 
 import json
-import math
 import os
 import struct
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 
 import fmpy
 
 from ... import ports
-from ...twins import SLOPE, STALE, STATUS, TOLERANCE, TWINS
-from ..description import CATEGORIES
+from ...twins import CLOCK, SLOPE, STALE, STATUS, TOLERANCE, TWINS
+from ..description import CATEGORIES, DEFAULT_TOLERANCE
 from .emit import ENVIRONMENT
 from .targets import PLATFORMS, Target
 
@@ -33,7 +33,7 @@ FLAGS = (
 """No contraction: a*b + c, rounded once on one platform and twice on another, would make their results differ."""
 LINUX_FLAGS = ("-fPIC", "-Wl,-z,defs", "-Wl,--build-id=none")
 """No undefined symbols except those of the C library; nothing that differs from build to build."""
-C_FILES = ("instance.c", "saved.c", "fmi2.c")
+C_FILES = ("instance.c", "values.c", "saved.c", "fmi2.c")
 """Compiled as one translation unit: calls between the files would cost 2 to 8 % of a communication step of ELF+ and LF."""
 FAT_MAGIC, FAT_ALIGN = 0xCAFEBABE, 14
 MAC_CPU = {"x86_64": (0x01000007, 3), "arm64": (0x0100000C, 0)}
@@ -41,17 +41,20 @@ MAC_CPU = {"x86_64": (0x01000007, 3), "arm64": (0x0100000C, 0)}
 
 
 def header(model: str, guid: str) -> str:
-    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes and messages, and the FMU's GUID."""
+    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes, clock and messages, and the FMU's GUID."""
 
-    def number(value: float | None, unbounded: str) -> str:
-        return unbounded if value is None or math.isinf(value) else float(value).hex()
+    def number(value: float | None, unbounded: str = "") -> str:
+        return unbounded if value is None else float(value).hex()
 
     lines = [
+        "#include <float.h>",
         f"#define MODEL {json.dumps(f'EMA_{model}')}",
         f"#define GUID {json.dumps(guid)}",
         f"enum {{ N_VARIABLES = {len(ports.VARIABLES)}, N_INPUTS = {len(ports.INPUTS)} }};",
         f"enum {{ N_STATES = {TWINS[model].n_states}, N_STATUS = {len(STATUS)} }};",
         f"enum {{ STALE = {STALE}, SLOPE = {SLOPE}, TOLERANCE = {TOLERANCE} }};",
+        f"#define DEFAULT_TOLERANCE {number(DEFAULT_TOLERANCE)}",
+        *_clock(TWINS[model].tick),
         "enum { REAL, INTEGER, BOOLEAN, STRING };",
         "enum { INPUT, OUTPUT, LOCAL, PARAMETER };",
         "typedef struct { const char *name; int kind, causality, fixed; double minimum, maximum, start; } Variable;",
@@ -59,22 +62,39 @@ def header(model: str, guid: str) -> str:
         "static const Variable VARIABLES[] = {",
     ]
     for variable in ports.VARIABLES:
-        low, high = number(variable.minimum, "-INFINITY"), number(variable.maximum, "INFINITY")
-        start = number(variable.start_for(model), "")
-        kind, causality, fixed = variable.kind.upper(), variable.causality.upper(), int(variable.variability == "fixed")
-        lines.append(f'    {{"{variable.name}", {kind}, {causality}, {fixed}, {low}, {high}, {start}}},')
-    kinds = ", ".join(variable.kind.upper() for variable in ports.VARIABLES)
+        low, high = number(variable.minimum, "-DBL_MAX"), number(variable.maximum, "DBL_MAX")
+        causality, fixed = variable.causality.upper(), int(variable.variability == "fixed")
+        start = number(variable.start_for(model))
+        lines.append(f'    {{"{variable.name}", {_kind(variable)}, {causality}, {fixed}, {low}, {high}, {start}}},')
+    kinds = [_kind(variable) for variable in ports.VARIABLES]
+    runs = [left for _, run in groupby(kinds) for left in range(len(list(run)), 0, -1)]
+    names = [variable.name for variable in ports.VARIABLES]
     numbers = {variable.name: number for number, variable in enumerate(ports.INPUTS)}
     inputs = ", ".join(str(numbers.get(variable.name, -1)) for variable in ports.VARIABLES)
     lines += [
         "};",
-        f"static const unsigned char KIND_OF[] = {{{kinds}}};",
+        f"static const unsigned char KIND_OF[] = {{{', '.join(kinds)}}};",
+        "/* how many variables of one kind follow one another, by the value reference of the first */",
+        f"static const unsigned short RUN_OF[] = {{{', '.join(map(str, runs))}}};",
         "/* the number of an input among the inputs, by value reference; -1: it is none */",
         f"static const short INPUT_OF[] = {{{inputs}}};",
+        f"static const unsigned INPUTS[] = {{{', '.join(str(names.index(port.name)) for port in ports.INPUTS)}}};",
         f"enum {{ {', '.join(CATEGORIES)}, N_CATEGORIES }};",
         f"static const char *const CATEGORIES[] = {{{', '.join(json.dumps(name) for name in CATEGORIES)}}};",
     ]
     return "\n".join([*lines, ""])
+
+
+def _kind(variable: ports.Variable) -> str:
+    """The type in C: FMI 2.0 gets and sets an Enumeration as an Integer."""
+    return "INTEGER" if variable.kind == "Enumeration" else variable.kind.upper()
+
+
+def _clock(tick: str) -> list[str]:
+    """Where the twin's clock lies in a State, and how long a tick of it is: as the port `tick`, if one is given."""
+    places = ", ".join(f"CLOCK_{name.upper()} = {place}" for name, place in CLOCK.items())
+    length = f"v[{ports.INDEX[tick]}]" if tick else "x[CLOCK_STEP]"
+    return [f"enum {{ {places} }};", f"#define TICK_LENGTH(state) ((state)->{length})"]
 
 
 def _run(command: Sequence[str], *, environment: Mapping[str, str] | None = None) -> None:
