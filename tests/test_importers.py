@@ -61,6 +61,7 @@ def libcosims(source: Path, parameters: Mapping[str, float]) -> list[float]:
     setters = {
         "Real": execution.real_initial_value,
         "Integer": lambda s, r, v: execution.integer_initial_value(s, r, int(v)),
+        "Enumeration": lambda s, r, v: execution.integer_initial_value(s, r, int(v)),
         "Boolean": lambda s, r, v: execution.boolean_initial_value(s, r, bool(v)),
     }
     for name, value in ({"command": COMMAND, "load_torque": LOAD} | dict(parameters)).items():
@@ -99,7 +100,12 @@ def ecoss(source: Path, parameters: Mapping[str, float], *, parameter_set: str |
 
 
 def _typed(name: str, value: float) -> float | int | bool:
-    kinds: dict[str, Callable[[float], float | int | bool]] = {"Real": float, "Integer": int, "Boolean": bool}
+    kinds: dict[str, Callable[[float], float | int | bool]] = {
+        "Real": float,
+        "Integer": int,
+        "Boolean": bool,
+        "Enumeration": int,
+    }
     return kinds[ports.VARIABLES[ports.INDEX[name]].kind](value)
 
 

@@ -136,6 +136,16 @@ static double slack(double time, double step) {
     return 1e-3 * step + (single < most ? single : most) + 0x1p-50 * fabs(time);
 }
 
+/* An input that its slope takes out of its range within a step, by more than rounding; NULL if there is none. */
+static const Variable *ramped_beyond(const State *s, double step) {
+    for (size_t i = 0; i < N_INPUTS; i++) {
+        const Variable *input = &VARIABLES[INPUTS[i]];
+        const double end = s->v[INPUTS[i]] + s->slope[i] * step, rounding = 1e-9 * (input->maximum - input->minimum);
+        if (end < input->minimum - rounding || end > input->maximum + rounding) return input;
+    }
+    return NULL;
+}
+
 Outcome instance_step(Instance *m, double time, double step) {
     State *s = &m->state;
     const double end = time + step, inner = s->x[CLOCK_STEP];
@@ -147,21 +157,24 @@ Outcome instance_step(Instance *m, double time, double step) {
         REFUSE_STEP("it does not follow the last communication point, %.15g s", time, step, s->point);
     if (end <= s->point)
         REFUSE_STEP("it is too short: it would end at %.15g s, and the FMU is at %.15g s", time, step, end, s->point);
-    if (end > s->stop + slack(s->stop, step))
+    if (end > s->stop && end > s->stop + slack(s->stop, step))
         REFUSE_STEP("it would end at %.15g s, after the stop time %.15g s", time, step, end, s->stop);
     if (step > MOST_STEPS * inner)
         REFUSE_STEP("it takes %.6g steps of %.6g s within the FMU, and %.6g are the most", time, step, step / inner, inner,
                     MOST_STEPS);
-    for (size_t i = 0; i < N_INPUTS; i++) {
-        const Variable *input = &VARIABLES[INPUTS[i]];
-        const double reached = s->v[INPUTS[i]] + s->slope[i] * step, rounding = 1e-9 * (input->maximum - input->minimum);
-        if (s->slope[i] != 0.0 && !(reached >= input->minimum - rounding && reached <= input->maximum + rounding))
-            REFUSE_STEP("%s would ramp to %.15g, and %.15g to %.15g is its range", time, step, input->name, reached,
-                        input->minimum, input->maximum);
-        s->x[SLOPE + i] = s->slope[i];
+    if (s->ramps) {
+        const Variable *beyond = ramped_beyond(s, step);
+        if (beyond)
+            REFUSE_STEP("%s would ramp out of its range, %.15g to %.15g", time, step, beyond->name, beyond->minimum,
+                        beyond->maximum);
+        memcpy(s->x + SLOPE, s->slope, sizeof s->slope);
     }
     s->status = ema_advance(s->v, s->x, end - s->start);
-    memset(s->slope, 0, sizeof s->slope);
+    if (s->ramps) {
+        memset(s->x + SLOPE, 0, sizeof s->slope);
+        memset(s->slope, 0, sizeof s->slope);
+        s->ramps = 0;
+    }
     if (s->status) {
         s->mode = FAILED;
         s->last = ERROR;

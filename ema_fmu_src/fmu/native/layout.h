@@ -12,13 +12,15 @@
 typedef struct {
     double v[N_VARIABLES];
     double x[N_STATES];
-    double slope[N_INPUTS];    /* of each input over the next step, per second */
+    double slope[N_INPUTS];    /* of each input over the next step, per second; those in x are zero but within a step */
     double start, point, stop; /* experiment, and the last communication point [s] */
     double tolerance;
     int32_t mode;
+    int32_t ramps;  /* an input has a slope */
     int32_t fresh;  /* while initializing: the outputs agree with what has been set */
     int32_t status; /* of the twin: index into STATUS */
     int32_t last;   /* outcome of the last step */
+    int32_t unused; /* so that no byte of a state is left to chance */
 } State;
 
 struct Instance {

@@ -2,7 +2,6 @@
 
 import json
 import os
-import struct
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ import fmpy
 from ... import ports
 from ...twins import CLOCK, SLOPE, STALE, STATUS, TOLERANCE, TWINS
 from ..description import CATEGORIES, DEFAULT_TOLERANCE
+from . import macho
 from .emit import ENVIRONMENT
 from .targets import PLATFORMS, Target
 
@@ -26,18 +26,13 @@ FLAGS = (
     "-Wall",
     "-Wextra",
     "-Werror",
-    "-shared",
-    "-s",
     "-g0",
 )
 """No contraction: a*b + c, rounded once on one platform and twice on another, would make their results differ."""
-LINUX_FLAGS = ("-fPIC", "-Wl,-z,defs", "-Wl,--build-id=none")
+LINUX_LINK = ("-Wl,-z,defs", "-Wl,--build-id=none")
 """No undefined symbols except those of the C library; nothing that differs from build to build."""
 C_FILES = ("instance.c", "values.c", "saved.c", "fmi2.c")
 """Compiled as one translation unit: calls between the files would cost 2 to 8 % of a communication step of ELF+ and LF."""
-FAT_MAGIC, FAT_ALIGN = 0xCAFEBABE, 14
-MAC_CPU = {"x86_64": (0x01000007, 3), "arm64": (0x0100000C, 0)}
-"""Mach-O's cputype and cpusubtype of each processor."""
 
 
 def header(model: str, guid: str) -> str:
@@ -117,30 +112,26 @@ def _emit(model: str, targets: Sequence[Target], scratch: Path) -> None:
     )
 
 
+def _zig(*words: str) -> None:
+    _run([sys.executable, "-m", "ziglang", *words])
+
+
 def _link(model: str, target: Target, scratch: Path, name: str) -> bytes:
     folder = scratch / target.zig
     folder.mkdir()
-    whole = folder / "whole.c"
+    whole, compiled, linked = folder / "whole.c", folder / "whole.o", folder / name
     whole.write_text("".join(f'#include "{file}"\n' for file in C_FILES))
-    elf = LINUX_FLAGS if "linux" in target.zig else ()
     standard = Path(fmpy.__file__).parent / "c-code"  # FMI's own headers
     include = [word for path in (Path(__file__).parent, standard, scratch) for word in ("-I", str(path))]
-    parts = (str(whole), str(scratch / f"{model}-{target.triple}.o"), "-o", str(folder / name))
-    _run([sys.executable, "-m", "ziglang", "cc", "-target", target.zig, *FLAGS, *elf, *include, *parts])
-    return (folder / name).read_bytes()
-
-
-def _universal(slices: Mapping[str, bytes]) -> bytes:
-    """A universal Mach-O binary (mach-o/fat.h) of one binary for each processor, processor -> content."""
-    head = struct.pack(">II", FAT_MAGIC, len(slices))
-    body = b""
-    offset = 1 << FAT_ALIGN
-    for name, content in slices.items():
-        padded = content + bytes(-len(content) % (1 << FAT_ALIGN))
-        head += struct.pack(">5I", *MAC_CPU[name], offset, len(content), FAT_ALIGN)
-        body += padded
-        offset += len(padded)
-    return head.ljust(1 << FAT_ALIGN, b"\0") + body
+    position = () if "windows" in target.zig else ("-fPIC",)
+    _zig("cc", "-target", target.zig, *FLAGS, *position, *include, "-c", str(whole), "-o", str(compiled))
+    objects = (str(compiled), str(scratch / f"{model}-{target.triple}.o"))
+    if "macos" in target.zig:
+        _zig(*macho.link(target, name, folder), *objects)
+    else:
+        own = LINUX_LINK if "linux" in target.zig else ()
+        _zig("cc", "-target", target.zig, "-shared", "-s", *own, *objects, "-o", str(linked))
+    return linked.read_bytes()
 
 
 def libraries(model: str, guid: str, platforms: Sequence[str], *, scratch: Path) -> dict[str, bytes]:
@@ -157,7 +148,9 @@ def libraries(model: str, guid: str, platforms: Sequence[str], *, scratch: Path)
     found = {}
     for platform in chosen:
         name = f"EMA_{model}{platform.suffix}"
-        linked = {target.triple.split("-")[0]: _link(model, target, scratch, name) for target in platform.targets}
-        content = _universal(linked) if len(linked) > 1 else next(iter(linked.values()))
+        linked = {target: _link(model, target, scratch, name) for target in platform.targets}
+        slices = {target.triple.split("-")[0]: content for target, content in linked.items()}
+        content = macho.universal(slices) if len(slices) > 1 else next(iter(slices.values()))
         found[f"binaries/{platform.folder}/{name}"] = content
+        found |= {f"binaries/{folder}/{name}": linked[target] for folder, target in platform.beside.items()}
     return found

@@ -1,10 +1,15 @@
 /* An instance's values: getting and setting them, and the slopes of its inputs. */
 
 #include <math.h>
+#include <string.h>
 
 #include "layout.h"
 
 static const char *const KINDS[] = {"Real", "Integer", "Boolean", "String"};
+
+static Outcome refuse_null(const Instance *m, int kind) {
+    REFUSE("%s variables: the value references or the values are null", KINDS[kind]);
+}
 
 /* Refuses a reference that is of no variable of that kind. */
 static Outcome refuse_reference(const Instance *m, int kind, Reference vr) {
@@ -13,7 +18,7 @@ static Outcome refuse_reference(const Instance *m, int kind, Reference vr) {
 
 /* Whether the references are of variables of that kind. */
 static Outcome check_references(const Instance *m, int kind, const Reference vr[], size_t n, const void *value) {
-    if (n && !(vr && value)) REFUSE("%s variables: the value references or the values are null", KINDS[kind]);
+    if (n && !(vr && value)) return refuse_null(m, kind);
     for (size_t i = 0; i < n; i++)
         if (vr[i] >= N_VARIABLES || KIND_OF[vr[i]] != kind) return refuse_reference(m, kind, vr[i]);
     return OK;
@@ -44,23 +49,53 @@ static void set(State *s, Reference vr, double value) {
     if (VARIABLES[vr].causality == PARAMETER) s->x[STALE] = 1.0;
 }
 
-/* instance_get_NAME and instance_set_NAME: variables of a kind as values of a C type; `number` is what is kept of one.
-   Variables that follow one another, as a host's outputs mostly do, are got without looking at each one's kind. */
-#define VALUES(name, kind, type, number)                                                                           \
+/* How many of the n references follow one another from the first on; by eights, which a processor compares at once. */
+static size_t following(const Reference vr[], size_t n) {
+    size_t found = 0;
+    for (; found + 8 <= n; found += 8) {
+        Reference differ = 0;
+        for (Reference i = 0; i < 8; i++) differ |= vr[found + i] ^ (vr[0] + (Reference)found + i);
+        if (differ) break;
+    }
+    while (found < n && vr[found] == vr[0] + found) found++;
+    return found;
+}
+
+/* Takes in what has been set, if the outputs are asked for while initializing. */
+static Outcome refresh(Instance *m) {
+    return m->state.mode == INITIALIZING && !m->state.fresh ? instance_initialize(m) : OK;
+}
+
+/* Outputs mostly follow one another; those that do are copied together. */
+Outcome instance_get_double(Instance *m, const Reference vr[], size_t n, double value[]) {
+    if (n && !(vr && value)) return refuse_null(m, REAL);
+    const Outcome outcome = refresh(m);
+    for (size_t i = 0; i < n;) {
+        const Reference first = vr[i];
+        if (first >= N_VARIABLES || KIND_OF[first] != REAL) return refuse_reference(m, REAL, first);
+        const size_t run = following(vr + i, n - i < RUN_OF[first] ? n - i : RUN_OF[first]);
+        memcpy(value + i, m->state.v + first, run * sizeof *value);
+        i += run;
+    }
+    return outcome;
+}
+
+#define GET(name, kind, type)                                                                                      \
     Outcome instance_get_##name(Instance *m, const Reference vr[], size_t n, type value[]) {                       \
-        State *s = &m->state;                                                                                      \
-        Outcome outcome = OK;                                                                                      \
-        if (n && !(vr && value)) return check_references(m, kind, vr, n, value);                                   \
-        if (s->mode == INITIALIZING && !s->fresh) outcome = instance_initialize(m);                                         \
-        for (size_t i = 0; i < n;) {                                                                               \
-            Reference next = vr[i];                                                                                \
-            if (next >= N_VARIABLES || KIND_OF[next] != kind) return refuse_reference(m, kind, next);              \
-            const size_t end = n - i < RUN_OF[next] ? n : i + RUN_OF[next];                                        \
-            do value[i++] = (type)s->v[next++];                                                                    \
-            while (i < end && vr[i] == next);                                                                      \
+        if (n && !(vr && value)) return refuse_null(m, kind);                                                      \
+        const Outcome outcome = refresh(m);                                                                        \
+        for (size_t i = 0; i < n; i++) {                                                                           \
+            if (vr[i] >= N_VARIABLES || KIND_OF[vr[i]] != kind) return refuse_reference(m, kind, vr[i]);           \
+            value[i] = (type)m->state.v[vr[i]];                                                                    \
         }                                                                                                          \
         return outcome;                                                                                            \
-    }                                                                                                              \
+    }
+
+GET(int32, INTEGER, int32_t)
+GET(flag, BOOLEAN, int)
+
+/* `number` is what is kept of value[i]. */
+#define SET(name, kind, type, number)                                                                              \
     Outcome instance_set_##name(Instance *m, const Reference vr[], size_t n, const type value[]) {                 \
         Outcome outcome = check_references(m, kind, vr, n, value);                                                 \
         if (outcome != OK) return outcome;                                                                         \
@@ -73,9 +108,9 @@ static void set(State *s, Reference vr, double value) {
         return outcome;                                                                                            \
     }
 
-VALUES(double, REAL, double, value[i])
-VALUES(int32, INTEGER, int32_t, value[i])
-VALUES(flag, BOOLEAN, int, value[i] ? 1.0 : 0.0)
+SET(double, REAL, double, value[i])
+SET(int32, INTEGER, int32_t, value[i])
+SET(flag, BOOLEAN, int, value[i] ? 1.0 : 0.0)
 
 Outcome instance_use_string(const Instance *m, const Reference vr[], size_t n, const void *value) {
     return check_references(m, STRING, vr, n, value);
@@ -90,5 +125,6 @@ Outcome instance_set_slope(Instance *m, const Reference vr[], size_t n, const do
         if (!isfinite(value[i])) REFUSE("derivative of %s refused: a finite number is needed", name);
     }
     for (size_t i = 0; i < n; i++) m->state.slope[INPUT_OF[vr[i]]] = value[i];
+    m->state.ramps = 1;
     return OK;
 }
