@@ -11,6 +11,8 @@ from .units import DISPLAY_UNITS, DISPLAYED, UNITS, declare
 START_TIME, STOP_TIME, STEP_SIZE = "0.0", "2.5", "0.0001"
 DEFAULT_TOLERANCE = hf.MARGIN
 """Relative tolerance of an experiment that gives none (FMI 2.0, section 2.2.5)."""
+EXPERIMENT = {"startTime": START_TIME, "stopTime": STOP_TIME, "stepSize": STEP_SIZE, "tolerance": f"{DEFAULT_TOLERANCE!r}"}
+"""Attributes of the default experiment."""
 GENERATED = "2026-01-01T00:00:00Z"
 """Fixed, so that the same sources give the same FMU byte for byte."""
 CATEGORIES = {
@@ -159,8 +161,7 @@ def model_description(model: str, *, runtime: str, source_hash: str, capabilitie
     categories = SubElement(root, "LogCategories")
     for name, description in CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=description)
-    times = {"startTime": START_TIME, "stopTime": STOP_TIME, "stepSize": STEP_SIZE}
-    SubElement(root, "DefaultExperiment", times | {"tolerance": literal("Real", DEFAULT_TOLERANCE)})
+    SubElement(root, "DefaultExperiment", EXPERIMENT)
     variables = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(ports.VARIABLES):
         variables.append(_scalar_variable(variable, reference, model))

@@ -23,13 +23,15 @@ SET_NAME = "initialValues"
 """Name of every parameter set: libcosim and ecos apply the set of this name at the start."""
 
 PARAMETER_SETS: dict[str, dict[str, float]] = {
-    "healthy": {variable.name: variable.start for variable in ports.FAULTS},
+    "healthy": {variable.name: variable.start for variable in ports.FAULTS if variable.kind != "Enumeration"},
     "worn": {"fault.friction": 2.0, "fault.backlash": 50.0},
     "shorted": {"fault.N_a": 0.8},
     "eccentric": {"fault.zeta": 0.1, "fault.phi": 0.5},
+    "broken": {"fault.open_switch": 1},
     "ELF+": {"driver.coupled_saturation": 1.0},
 }
-"""Parameter sets in the package, by name, each in a file resources/NAME.ssv; values in the ports' units."""
+"""Parameter sets in the package, by name, each in a file resources/NAME.ssv; values in the ports' units. The set that is
+bound has no Enumeration, because libcosim and ecos read none (and start healthy without)."""
 
 
 def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
@@ -80,8 +82,8 @@ def _declare_units(root: Element, prefix: str, variables: Iterable[ports.Variabl
 def structure(parameters: str) -> bytes:
     """The system structure (SSD): one component with the set `parameters` of PARAMETER_SETS bound to it.
 
-    Its name is another one for each set: importers (OMSimulator) tell the variants in a package by their names, and take only
-    letters, digits and underscores.
+    Its name is another one for each set: importers (OMSimulator) tell the variants in a package by their names, and take
+    only letters, digits and underscores.
     """
     root = Element(
         "ssd:SystemStructureDescription",
