@@ -208,7 +208,7 @@ VARIABLES: tuple[Variable, ...] = (
         "fault.open_switch",
         "none",
         {"none": 0, "a_upper": 1, "a_lower": 2, "b_upper": 3, "b_lower": 4, "c_upper": 5, "c_lower": 6},
-        "Inverter switch that stays open, by leg; healthy: none",
+        "Inverter switch that stays open, upper or lower of leg a, b or c; healthy none",
         unused_by=("ELF", "LF"),
     ),
     _parameter(

@@ -1,6 +1,7 @@
 """The FMUs and the SSP in importers that others wrote: fmutool, libcosimpy (libcosim, FMI Library), ecospy (ecos).
 
-Truth: FMPy's results for the same inputs, to the last bit.
+Truth: FMPy's results for the same inputs, to the last bit. FMPy hands the tolerance of the default experiment on to the FMU,
+libcosim and ecos give none.
 """
 
 import ctypes.util
@@ -129,6 +130,38 @@ def test_fmutool_finds_nothing(fmus: dict[str, Path], model: str) -> None:
 def test_libcosim_runs_an_fmu(fmus: dict[str, Path], fidelity: str) -> None:
     model, parameters = FIDELITIES[fidelity]
     assert libcosims(fmus[model], parameters | FAULTS) == fmpys(fmus[model], parameters | FAULTS)
+
+
+def test_libcosim_stops_at_a_value_out_of_range(fmus: dict[str, Path]) -> None:
+    """It takes fmi2Discard for what it is, a bad value (FMI 2.0.5, section 2.1.3)."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimManipulator import CosimManipulator
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    execution = CosimExecution.from_step_size(step_size=round(STEP * 1e9))
+    slave = execution.add_local_slave(CosimLocalSlave(fmu_path=str(fmus["LF"]), instance_name=ssp.COMPONENT))
+    override = CosimManipulator.create_override()
+    assert execution.add_manipulator(override) and execution.step(5)
+    assert override.slave_real_values(slave, [ports.INDEX["load_torque"]], [5.0]) and execution.step(5)
+    assert override.slave_real_values(slave, [ports.INDEX["load_torque"]], [2e6]) and not execution.step(5)
+
+
+@needs_tbb
+def test_ecos_goes_on_with_the_value_before_one_out_of_range(fmus: dict[str, Path]) -> None:
+    """It looks at no status of a value that it sets."""
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    structure = EcosSimulationStructure()
+    structure.add_model(ssp.COMPONENT, str(fmus["LF"]))
+    simulation = EcosSimulation(step_size=STEP, structure=structure)
+    simulation.init()
+    name = f"{ssp.COMPONENT}::load_torque"
+    for value, kept in ((5.0, 5.0), (2e6, 5.0), (-3.0, -3.0)):
+        simulation.set_real(name, value)
+        simulation.step(1)
+        assert simulation.get_real(name) == kept
+    simulation.terminate()
+    simulation.free()
 
 
 @EACH

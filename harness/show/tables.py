@@ -20,7 +20,7 @@ def port_rows() -> list[tuple[str, ...]]:
             start = ", ".join(f"{model} {value:g}" for model, value in starts.items())
         else:
             start = port.text(port.start)
-        items = f": {', '.join(f'{value} {item}' for item, value in port.items.items())}" if port.items else ""
+        items = f" ({', '.join(f'{value} {item}' for item, value in port.items.items())})" if port.items else ""
         unused = f" (no effect in {', '.join(port.unused_by)})" if port.unused_by else ""
         limits = ("", "") if port.kind == "Boolean" else (_text(port.minimum), _text(port.maximum))
         rows.append(
