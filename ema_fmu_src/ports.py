@@ -2,103 +2,94 @@
 
 HF, ELF and LF share names, types, units, causality and value references; the model descriptions, the FMUs' HTML
 pages, the tables, the harness and the tests are made from this module. A variable's value reference is its place in
-`VARIABLES`, and the twins' kernels find its value at that place of their flat float64 array `v` (an Integer or a
-Boolean is held there as a float64 too).
+`VARIABLES`, and the twins' kernels find its value at that place of their flat float64 array `v` (an Integer, a
+Boolean or an Enumeration is held there as a float64 too).
 
 Sources: the paper (Quattrocchi, Dalla Vedova, Berri: J. Phys. Conf. Ser. 2526 (2023) 012076) gives the symbols of the
 motor, its driver and its faults; every default value is ours, chosen so that SIN and STEP-RAMP stay unsaturated and
 SIN4 saturates fully, as in the paper.
 """
 
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Mapping
 
 from .fidelities import MODELS as MODELS
+from .variable import Kind as Kind
+from .variable import Variability
+from .variable import Variable as Variable
 
-Causality = Literal["input", "output", "local", "parameter"]
-Variability = Literal["continuous", "discrete", "fixed", "tunable"]
-Kind = Literal["Real", "Integer", "Boolean"]
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One FMI scalar variable, the same in every twin.
-
-    `start` is in `unit`; `start_of` holds the twins whose start differs. `minimum` and `maximum` are inclusive; None
-    means unbounded. `unused_by` names the twins that accept the variable but do not act on it.
-    """
-
-    name: str
-    causality: Causality
-    variability: Variability
-    kind: Kind
-    unit: str
-    start: float
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    unused_by: tuple[str, ...] = ()
-    start_of: dict[str, float] = field(default_factory=dict)
-
-    def start_for(self, model: str) -> float:
-        """Start value in `unit` of this variable in the twin `model` ("HF", "ELF" or "LF")."""
-        return self.start_of.get(model, self.start)
-
-    def description_for(self, model: str) -> str:
-        """Description with a word on what the twin `model` makes of it."""
-        return f"{self.description} (no effect in {model})" if model in self.unused_by else self.description
+Limits = tuple[float | None, float | None]
 
 
-def _input(
-    name: str,
-    unit: str,
-    start: float,
-    description: str,
-    *,
-    limits: tuple[float | None, float | None] = (None, None),
-) -> Variable:
-    return Variable(name, "input", "continuous", "Real", unit, start, description, *limits)
+def _input(name: str, unit: str, start: float, limits: Limits, description: str, *, nominal: float) -> Variable:
+    return Variable(name, "input", "continuous", "Real", unit, start, description, *limits, nominal=nominal)
 
 
-def _output(name: str, unit: str, description: str) -> Variable:
-    return Variable(name, "output", "continuous", "Real", unit, 0.0, description)
+def _output(name: str, unit: str, description: str, *, nominal: float | None = None) -> Variable:
+    return Variable(name, "output", "continuous", "Real", unit, 0.0, description, nominal=nominal)
 
 
 def _parameter(
     name: str,
     unit: str,
     start: float,
-    limits: tuple[float | None, float | None],
+    limits: Limits,
     description: str,
     *,
     kind: Kind = "Real",
     unused_by: tuple[str, ...] = (),
-    start_of: dict[str, float] | None = None,
+    start_of: Mapping[str, float] | None = None,
+    nominal: float | None = None,
+    display: str = "",
 ) -> Variable:
+    """A parameter; the nominal value of a Real is the magnitude of its start, unless that is 0."""
     variability: Variability = "tunable" if name.startswith("fault.") else "fixed"
-    return Variable(name, "parameter", variability, kind, unit, start, description, *limits, unused_by, start_of or {})
+    if kind == "Real" and nominal is None and start != 0.0:
+        nominal = abs(start)
+    return Variable(
+        name, "parameter", variability, kind, unit, start, description, *limits, unused_by, start_of or {},
+        nominal=nominal, display=display,
+    )  # fmt: skip
+
+
+def _choice(
+    name: str, start: str, items: Mapping[str, int], description: str, *, unused_by: tuple[str, ...] = ()
+) -> Variable:
+    """An Enumeration: a parameter that has one of the values `items`."""
+    values = list(items.values())
+    variability: Variability = "tunable" if name.startswith("fault.") else "fixed"
+    return Variable(
+        name, "parameter", variability, "Enumeration", "", items[start], description, values[0], values[-1], unused_by,
+        items=items,
+    )  # fmt: skip
 
 
 VARIABLES: tuple[Variable, ...] = (
-    _input("command", "rad", 0.0, "Commanded position of the output (user) shaft"),
-    _input("load_torque", "N.m", 0.0, "External torque on the user shaft; positive opposes positive rotation"),
-    _input("supply_voltage", "V", 48.0, "DC bus voltage V_dc", limits=(0.0, 2000.0)),
-    _output("position", "rad", "User shaft angle, after backlash"),
-    _output("motor_position", "rad", "Rotor angle theta, mechanical"),
-    _output("motor_speed", "rad/s", "Rotor speed w, mechanical"),
+    _input("command", "rad", 0.0, (-1e3, 1e3), "Commanded position of the output (user) shaft", nominal=0.1),
+    _input(
+        "load_torque",
+        "N.m",
+        0.0,
+        (-1e6, 1e6),
+        "External torque on the user shaft; positive opposes positive rotation",
+        nominal=10.0,
+    ),
+    _input("supply_voltage", "V", 48.0, (0.0, 2000.0), "DC bus voltage V_dc", nominal=48.0),
+    _output("position", "rad", "User shaft angle, after backlash", nominal=0.1),
+    _output("motor_position", "rad", "Rotor angle theta, mechanical", nominal=20.0),
+    _output("motor_speed", "rad/s", "Rotor speed w, mechanical", nominal=100.0),
     _output("reference_current", "A", "Controller output I_ref"),
     _output("equivalent_current", "A", "Equivalent single-phase (quadrature) current, instantaneous"),
     _output("equivalent_current_filtered", "A", "Equivalent single-phase current after a low-pass of monitor.tau"),
     _output("phase_current_a", "A", "Current of phase a (LF: inverse Park of its single current)"),
     _output("phase_current_b", "A", "Current of phase b (LF: inverse Park of its single current)"),
     _output("phase_current_c", "A", "Current of phase c (LF: inverse Park of its single current)"),
-    _output("back_emf_a", "V", "Back-EMF of phase a"),
-    _output("back_emf_b", "V", "Back-EMF of phase b"),
-    _output("back_emf_c", "V", "Back-EMF of phase c"),
-    _output("motor_torque", "N.m", "Electromagnetic torque on the motor shaft"),
-    _output("friction_torque", "N.m", "Dry friction torque on the motor shaft, opposing the motion"),
+    _output("back_emf_a", "V", "Back-EMF of phase a", nominal=10.0),
+    _output("back_emf_b", "V", "Back-EMF of phase b", nominal=10.0),
+    _output("back_emf_c", "V", "Back-EMF of phase c", nominal=10.0),
+    _output("motor_torque", "N.m", "Electromagnetic torque on the motor shaft", nominal=0.1),
+    _output("friction_torque", "N.m", "Dry friction torque on the motor shaft, opposing the motion", nominal=0.1),
     _output("supply_current", "A", "DC bus current, mean over the last communication step"),
-    _output("copper_loss", "W", "Loss in the windings' resistance, mean over the last communication step"),
+    _output("copper_loss", "W", "Loss in the windings' resistance, mean over the last communication step", nominal=10.0),
     Variable(
         "voltage_saturated",
         "output",
@@ -137,7 +128,13 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("controller.current_limit", "A", 10.0, (0.0, 1e4), "Limit of the current reference"),
     _parameter("controller.period", "s", 1e-4, (1e-6, 0.1), "Sampling period T_c of the controller", unused_by=("LF",)),
     _parameter(
-        "inverter.hysteresis", "A", 0.25, (1e-3, 1e3), "Half band of the current hysteresis", unused_by=("ELF", "LF")
+        "inverter.hysteresis",
+        "A",
+        0.25,
+        (1e-3, 1e3),
+        "Half band of the current hysteresis",
+        unused_by=("ELF", "LF"),
+        display="mA",
     ),
     _parameter("inverter.R_on", "Ohm", 0.01, (0.0, 10.0), "On-resistance of a switch or diode (plain ELF has none)"),
     _parameter(
@@ -177,9 +174,11 @@ VARIABLES: tuple[Variable, ...] = (
         kind="Boolean",
         unused_by=("ELF", "LF"),
     ),
-    _parameter("initial.motor_position", "rad", 0.0, (None, None), "Rotor angle at the start"),
-    _parameter("initial.motor_speed", "rad/s", 0.0, (None, None), "Rotor speed at the start"),
-    _parameter("initial.position", "rad", 0.0, (None, None), "User shaft angle at the start, held within the play"),
+    _parameter("initial.motor_position", "rad", 0.0, (None, None), "Rotor angle at the start", nominal=20.0),
+    _parameter("initial.motor_speed", "rad/s", 0.0, (None, None), "Rotor speed at the start", nominal=100.0),
+    _parameter(
+        "initial.position", "rad", 0.0, (None, None), "User shaft angle at the start, held within the play", nominal=0.1
+    ),
     _parameter("initial.phase_current_a", "A", 0.0, (None, None), "Current of phase a at the start"),
     _parameter("initial.phase_current_b", "A", 0.0, (None, None), "Current of phase b at the start; c balances"),
     _parameter("initial.reference_current", "A", 0.0, (None, None), "Current reference before the first sample"),
@@ -192,19 +191,24 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("fault.N_a", "1", 1.0, (0.3, 1.0), "Fraction of turns not shorted in phase a; healthy 1"),
     _parameter("fault.N_b", "1", 1.0, (0.3, 1.0), "Fraction of turns not shorted in phase b; healthy 1"),
     _parameter("fault.N_c", "1", 1.0, (0.3, 1.0), "Fraction of turns not shorted in phase c; healthy 1"),
-    _parameter("fault.zeta", "1", 0.0, (0.0, 0.95), "Static rotor eccentricity, motor.p*zeta < 1; healthy 0"),
+    _parameter("fault.zeta", "1", 0.0, (0.0, 0.95), "Static rotor eccentricity, motor.p*zeta < 1; healthy 0", nominal=0.1),
     _parameter("fault.phi", "rad", 0.0, (-7.0, 7.0), "Phase of the eccentricity"),
     _parameter("fault.gain", "1", 1.0, (0.0, 10.0), "Scale of controller.K_pos; healthy 1"),
-    _parameter("fault.jam", "N.m", 0.0, (0.0, 1e3), "Jam: added to the static and Coulomb friction, motor side; healthy 0"),
+    _parameter(
+        "fault.jam",
+        "N.m",
+        0.0,
+        (0.0, 1e3),
+        "Jam: added to the static and Coulomb friction, motor side; healthy 0",
+        nominal=0.1,
+    ),
     _parameter("fault.magnet", "1", 1.0, (0.1, 1.0), "Magnet demagnetisation: scale of motor.K_e; healthy 1"),
     _parameter("fault.resistance", "1", 1.0, (0.5, 3.0), "Winding temperature: scale of motor.R; healthy 1"),
-    _parameter(
+    _choice(
         "fault.open_switch",
-        "1",
-        0,
-        (0, 6),
-        "Inverter switch that stays open: 1, 2 upper and lower of leg a; 3, 4 of b; 5, 6 of c; healthy 0",
-        kind="Integer",
+        "none",
+        {"none": 0, "a_upper": 1, "a_lower": 2, "b_upper": 3, "b_lower": 4, "c_upper": 5, "c_lower": 6},
+        "Inverter switch that stays open, upper or lower of leg a, b or c; healthy none",
         unused_by=("ELF", "LF"),
     ),
     _parameter(
@@ -214,6 +218,8 @@ VARIABLES: tuple[Variable, ...] = (
         (-100.0, 100.0),
         "Offset of the current sensor of phase a; healthy 0",
         unused_by=("ELF", "LF"),
+        nominal=0.1,
+        display="mA",
     ),
     _parameter(
         "fault.current_offset_b",
@@ -222,6 +228,8 @@ VARIABLES: tuple[Variable, ...] = (
         (-100.0, 100.0),
         "Offset of the current sensor of phase b; healthy 0",
         unused_by=("ELF", "LF"),
+        nominal=0.1,
+        display="mA",
     ),
     _parameter(
         "fault.current_offset_c",
@@ -230,6 +238,8 @@ VARIABLES: tuple[Variable, ...] = (
         (-100.0, 100.0),
         "Offset of the current sensor of phase c; healthy 0",
         unused_by=("ELF", "LF"),
+        nominal=0.1,
+        display="mA",
     ),
     _parameter(
         "fault.resolver_offset",
@@ -238,6 +248,7 @@ VARIABLES: tuple[Variable, ...] = (
         (-4.0, 4.0),
         "Offset of the resolver, motor mechanical angle; healthy 0",
         unused_by=("ELF", "LF"),
+        nominal=0.1,
     ),
     # appended since version 0.1: value references that exist never move
     _output("end_stop_torque", "N.m", "Torque of the end stops on the motor shaft, mean over the last communication step"),

@@ -19,7 +19,8 @@ def parse_settings(settings: list[str]) -> dict[str, float]:
     """Parameters from texts NAME=VALUE, checked against the ports.
 
     The inputs load_torque and supply_voltage are accepted too: they hold that value where the trial gives none.
-    HarnessError for an unknown name, a text that is not a number, or a value out of range.
+    An Enumeration takes its value or the name of an item. HarnessError for an unknown name, a text that is not a number, or
+    a value out of range.
     """
     values: dict[str, float] = {}
     for setting in settings:
@@ -28,18 +29,25 @@ def parse_settings(settings: list[str]) -> dict[str, float]:
         if not equals:
             raise HarnessError(f"{where}: NAME=VALUE is needed, such as fault.N_a=0.9")
         variable = settable(name, where)
-        try:
-            value = {"true": 1.0, "false": 0.0}[text.lower()] if variable.kind == "Boolean" else float(text)
-        except (KeyError, ValueError):
-            wanted = "true or false" if variable.kind == "Boolean" else "a number"
-            raise HarnessError(f"{where}: '{text}' is not {wanted}") from None
-        check_value(variable, value, where)
-        values[name] = value
+        values[name] = _parsed(variable, text, where)
+        check_value(variable, values[name], where)
     pairs = values.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
     zeta = values.get("fault.zeta", 0.0)
     if pairs * zeta >= 1.0:
         raise HarnessError(f"motor.p * fault.zeta = {pairs * zeta:g} is out of range, less than 1 is needed")
     return values
+
+
+def _parsed(variable: ports.Variable, text: str, where: str) -> float:
+    """The value of `variable` that `text` means; HarnessError, beginning with `where`, if it means none."""
+    words: Mapping[str, float] = {"true": 1.0, "false": 0.0} if variable.kind == "Boolean" else variable.items
+    try:
+        if text.lower() in words or variable.kind == "Boolean":
+            return float(words[text.lower()])
+        return float(text)
+    except (KeyError, ValueError):
+        wanted = "true or false" if variable.kind == "Boolean" else " or ".join(["a number", *words])
+        raise HarnessError(f"{where}: '{text}' is not {wanted}") from None
 
 
 def settable(name: str, where: str) -> ports.Variable:
@@ -57,7 +65,7 @@ def settable(name: str, where: str) -> ports.Variable:
 
 def check_value(variable: ports.Variable, value: float, where: str) -> None:
     """HarnessError, beginning with `where`, if the port does not accept the value."""
-    if variable.kind == "Integer" and value != round(value):
+    if variable.kind in ("Integer", "Enumeration") and not float(value).is_integer():
         raise HarnessError(f"{where}: {variable.name} is a whole number, {value:g} is not")
     low = -float("inf") if variable.minimum is None else variable.minimum
     high = float("inf") if variable.maximum is None else variable.maximum

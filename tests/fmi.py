@@ -51,12 +51,12 @@ class Instance:
         self.fmu.exitInitializationMode()
 
     def set(self, name: str, value: float) -> None:
-        setter = {"Real": self.fmu.setReal, "Integer": self.fmu.setInteger, "Boolean": self.fmu.setBoolean}
-        setter[ports.VARIABLES[ports.INDEX[name]].kind]([ports.INDEX[name]], [value])
+        setter = {"Real": self.fmu.setReal, "Boolean": self.fmu.setBoolean}
+        setter.get(ports.VARIABLES[ports.INDEX[name]].kind, self.fmu.setInteger)([ports.INDEX[name]], [value])
 
     def get(self, name: str) -> float:
-        getter = {"Real": self.fmu.getReal, "Integer": self.fmu.getInteger, "Boolean": self.fmu.getBoolean}
-        return getter[ports.VARIABLES[ports.INDEX[name]].kind]([ports.INDEX[name]])[0]
+        getter = {"Real": self.fmu.getReal, "Boolean": self.fmu.getBoolean}
+        return getter.get(ports.VARIABLES[ports.INDEX[name]].kind, self.fmu.getInteger)([ports.INDEX[name]])[0]
 
     def step(self, time: float, size: float = STEP) -> None:
         self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=size)

@@ -93,6 +93,11 @@ def test_toml_grids_cases_and_options_make_the_table(tmp_path):
     assert table.names == ("fault.friction", "fault.N_a", "supply_voltage") and len(table) == 2 * 2 * 2 * 2
     assert set(zip(table.fidelity.tolist(), table.trial.tolist(), strict=True)) == {(0, 0), (0, 1), (1, 0), (1, 1)}
     assert (table.values[:, 2] == 40.0).all() and plan.seed == 3
+    (tmp_path / "plan.toml").write_text("[set]\nfault.open_switch = 'a_lower'\n")
+    switches = read_plan(tmp_path / "plan.toml", {}).table()
+    assert switches.names == ("fault.open_switch",) and switches.values.tolist() == [[2.0]]
+    grid = read_plan(None, {"grid": {"fault.open_switch": ["none", "c_upper", 6]}}).table()
+    assert grid.values.tolist() == [[0.0], [5.0], [6.0]]
     (tmp_path / "cases.csv").write_text("fault.N_b,fault.gain\n0.9,1\n0.8,1.2\n")
     listed = read_plan(None, {"cases": tmp_path / "cases.csv"}).table()
     assert listed.values.tolist() == [[0.9, 1.0], [0.8, 1.2]]
@@ -105,6 +110,8 @@ def test_toml_grids_cases_and_options_make_the_table(tmp_path):
         ({"ranges": {"fault.N_a": [0.1, 1]}, "samples": 2}, "out of range, 0.3 to 1"),
         ({"ranges": {"fault.N_a": [1, 0.8]}, "samples": 2}, "lower end comes first"),
         ({"ranges": {"fault.open_switch": [0, 6]}, "samples": 2}, "list them under grid"),
+        ({"grid": {"fault.open_switch": ["upper"]}}, "'upper' is not a number or none or a_upper"),
+        ({"grid": {"fault.N_a": ["a_upper"]}}, "'a_upper' is not a number"),
         ({"samples": 5}, "would all be the same"),
         ({"rate": 3000.0}, "does not divide"),
         ({"outputs": ["positon"]}, "did you mean position"),

@@ -1,8 +1,10 @@
 """What the FMUs and the SSP carry besides their binaries."""
 
 import io
+import re
 import string
 import zipfile
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 from flight import Flight
 from fmpy.ssp.ssd import read_ssd
+from lxml import etree
 from PIL import Image
 
 from ema_fmu_src import ports
@@ -32,8 +35,9 @@ def test_types_have_the_units_of_their_variables(fmus: dict[str, Path], model: s
     reals = [variable for variable in found.modelVariables if variable.type == "Real"]
     assert len(reals) > 50
     for variable in reals:
-        assert variable.declaredType.name in types
-        assert (variable.declaredType.unit, variable.declaredType.displayUnit) == (variable.unit, variable.displayUnit)
+        assert variable.declaredType.name in types and variable.declaredType.unit == variable.unit
+        own = ports.VARIABLES[ports.INDEX[variable.name]].display
+        assert variable.displayUnit == (own or variable.declaredType.displayUnit)
 
 
 @MODELS
@@ -109,6 +113,7 @@ def test_cross_check_results_are_repeated(fmus: dict[str, Path], model: str) -> 
         start_time=float(told["StartTime"]),
         stop_time=float(told["StopTime"]),
         output_interval=float(told["StepSize"]),
+        relative_tolerance=float(told["RelTol"]),
         input=fmpy.util.read_csv(str(stimuli)),
     )
     table = fmpy.util.read_csv(str(expected))
@@ -124,17 +129,46 @@ def test_cross_check_results_are_in_the_fmu(fmus: dict[str, Path], model: str) -
         manifest = ElementTree.fromstring(archive.read(f"{crosscheck.EXTRA}/fmi-ls-manifest.xml"))
         sources = [related.get("source") for related in manifest]
         experiment = ElementTree.fromstring(archive.read(f"{crosscheck.EXTRA}/experiments.xml"))[0]
+        assert float(experiment.get("tolerance", "")) == description.DEFAULT_TOLERANCE
         assert {child.get("source") for child in experiment} <= set(sources)
         for path in crosscheck.paths(model):
             assert path.name in sources
             assert archive.read(f"{crosscheck.EXTRA}/{path.name}") == path.read_bytes()
 
 
-def test_the_package_is_valid_ssp(package: Path) -> None:
-    """Against the schemas of SSP 1.0, by FMPy."""
+def test_the_package_is_read(package: Path) -> None:
     (component,) = read_ssd(str(package), validate=True).system.elements
     assert component.source == "resources/EMA.fmu"
     assert {connector.name for connector in component.connectors} == {v.name for v in (*ports.INPUTS, *ports.OUTPUTS)}
+
+
+def schemas(version: str) -> Path:
+    """Folder with the schemas of that version of SSP: FMPy has those of 1.0, pyssp_standard those of 2.0."""
+    package, *folder = {"1.0": ("fmpy", "ssp", "schema"), "2.0": ("pyssp_standard", "resources", "ssp2")}[version]
+    return Path(find_spec(package).origin).parent.joinpath(*folder)
+
+
+@pytest.mark.parametrize("version", ["1.0", "2.0"])
+def test_the_package_is_valid_ssp(package: Path, version: str) -> None:
+    """Every system structure and every parameter set, against the standard's own schemas."""
+    kinds = {".ssd": "SystemStructureDescription.xsd", ".ssv": "SystemStructureParameterValues.xsd"}
+    checked = []
+    with zipfile.ZipFile(package) as archive:
+        for name in archive.namelist():
+            if Path(name).suffix in kinds:
+                schema = etree.XMLSchema(file=str(schemas(version) / kinds[Path(name).suffix]))
+                schema.assertValid(etree.fromstring(archive.read(name)))
+                checked.append(Path(name).suffix)
+    assert checked.count(".ssd") == checked.count(".ssv") == len(ssp.PARAMETER_SETS)
+
+
+def test_no_two_system_structures_have_one_name(package: Path) -> None:
+    """OMSimulator refuses a package in which two have, and names of other characters than these."""
+    with zipfile.ZipFile(package) as archive:
+        texts = [archive.read(name) for name in archive.namelist() if name.endswith(".ssd")]
+    names = [ElementTree.fromstring(text).get("name", "") for text in texts]
+    assert len(set(names)) == len(names) == len(ssp.PARAMETER_SETS)
+    assert all(re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) for name in names)
 
 
 def test_parameter_sets_fit_the_ports(package: Path) -> None:
@@ -144,4 +178,7 @@ def test_parameter_sets_fit_the_ports(package: Path) -> None:
             entries = {entry.get("name"): entry[0] for entry in root.iter(f"{{{ssp.SSV}}}Parameter")}
             assert entries.keys() == values.keys() <= ports.INDEX.keys()
             for parameter, element in entries.items():
-                assert element.tag == f"{{{ssp.SSV}}}{ports.VARIABLES[ports.INDEX[parameter]].kind}"
+                port = ports.VARIABLES[ports.INDEX[parameter]]
+                assert element.tag == f"{{{ssp.SSV}}}{port.kind}"
+                if port.kind == "Enumeration":
+                    assert port.items[element.get("value", "")] == values[parameter]

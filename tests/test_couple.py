@@ -69,6 +69,29 @@ def test_a_factor_scales_and_the_load_acts(fmus, load) -> None:
         assert (float(run["load.torque"][-1]) == 0.0) == (torque == 0.0)
 
 
+def test_an_enumeration_is_set_by_value_or_by_name(fmus) -> None:
+    """A switch that stays open is seen in the currents; by either way, alike."""
+
+    def currents(**parameters: float | str) -> list[float]:
+        told = {f"ema.fault.{name}": value for name, value in parameters.items()}
+        run = fly(
+            System({"ema": fmus["HF"]}, [], told),
+            stop=0.02,
+            step=1e-3,
+            inputs={"ema.command": np.full(20, 0.1)},
+            record=["ema.phase_current_a"],
+        )
+        return run["ema.phase_current_a"].values.tolist()
+
+    assert currents(open_switch="a_upper") == currents(open_switch=1) == currents(open_switch=1.0) != currents()
+    for name, value, told in (
+        ("open_switch", "upper", "none, a_upper, .* is needed"),
+        ("N_a", "none", "a number is needed"),
+    ):
+        with pytest.raises(HarnessError, match=told):
+            currents(**{name: value})
+
+
 @pytest.mark.parametrize(
     "change, told",
     [

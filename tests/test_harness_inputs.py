@@ -84,6 +84,7 @@ BAD_CSV = {
     "shorter than a step": ("time,command\n0,0\n1e-5,0\n", "lasts 1e-05 s"),
     "much too long": ("time,command\n0,0\n1e9,0\n", "lasts 1e[+]09 s"),
     "negative supply": ("time,command,supply_voltage\n0,0,48\n1,0,-1\n", "supply_voltage: -1 is out of range"),
+    "a command without end": ("time,command\n0,0\n1,1001\n", "command: 1001 is out of range, -1000 to 1000 rad"),
     "too high a supply": ("time,command,supply_voltage\n0,0,48\n1,0,9999\n", "supply_voltage: 9999 is out of range"),
 }
 
@@ -120,6 +121,8 @@ def test_bad_fidelities(text: str, message: str) -> None:
 
 def test_settings_become_numbers() -> None:
     given = ["fault.N_a=0.9", "motor.p = 3", "solver.event_located=False", "supply_voltage=36", "load_torque=-2e0"]
+    for text in ("b_upper", "B_upper", "3", "3.0"):
+        assert parse_settings([f"fault.open_switch={text}"]) == {"fault.open_switch": 3.0}
     assert parse_settings(given) == {
         "fault.N_a": 0.9,
         "motor.p": 3.0,
@@ -140,6 +143,11 @@ def test_settings_become_numbers() -> None:
         ("fault.N_a=1.1", "fault.N_a = 1.1 is out of range, 0.3 to 1"),
         ("initial.motor_speed=inf", "out of range"),
         ("motor.p=2.5", "whole number"),
+        ("motor.p=nan", "whole number"),
+        ("fault.open_switch=upper", "'upper' is not a number or none or a_upper or .* or c_lower"),
+        ("fault.open_switch=2.5", "whole number"),
+        ("fault.open_switch=7", "out of range, 0 to 6"),
+        ("load_torque=2e6", "out of range, -1e[+]06 to 1e[+]06 N.m"),
         ("driver.coupled_saturation=2", "'2' is not true or false"),
         ("position=1", "position is not a parameter"),
         ("command=1", "command is not a parameter"),

@@ -18,11 +18,13 @@ import pytest
 from elftools.elf.dynamic import DynamicSection
 from elftools.elf.elffile import ELFFile
 from fmi import OUTPUT_REALS, STEP, Instance
+from macholib import mach_o
 from macholib.MachO import MachO
+from signature import check_ad_hoc
 
 from ema_fmu_src import ports
 from ema_fmu_src.fmu.build import build
-from ema_fmu_src.fmu.native.library import MAC_CPU
+from ema_fmu_src.fmu.native import macho
 from ema_fmu_src.fmu.native.targets import PLATFORMS
 
 HOST = Path(__file__).parent / "c" / "host.c"
@@ -63,7 +65,7 @@ def host(platform: str, folder: Path) -> Path:
     program = folder / ("host.exe" if platform == "win64" else "host")
     command = ["cc", "-target", PLATFORMS[platform].targets[0].zig, "-O1", "-Wall", "-Wextra", "-Werror"]
     include = Path(fmpy.__file__).parent / "c-code"
-    references = {"COMMAND": "command", "LOAD_TORQUE": "load_torque", "N_A": "fault.N_a"}
+    references = {"COMMAND": "command", "LOAD_TORQUE": "load_torque", "N_A": "fault.N_a", "RESISTANCE": "motor.R"}
     command += [f"-D{macro}={ports.INDEX[name]}" for macro, name in references.items()]
     command += [f"-DOUTPUTS={','.join(map(str, OUTPUT_REALS))}"]
     command += ["-I", str(include), str(HOST), "-o", str(program), *([] if platform == "win64" else ["-ldl"])]
@@ -146,13 +148,27 @@ def test_linux_binaries_need_the_c_library_only(
 @pytest.mark.parametrize("model", ports.MODELS)
 def test_the_mac_binary_is_universal_and_whole(everywhere: dict[str, Path], tmp_path: Path, model: str) -> None:
     """Its structure only: nothing here can run it."""
-    binary = MachO(str(library(everywhere[model], "darwin64", tmp_path)))
-    assert {header.header.cputype for header in binary.headers} == {cpu for cpu, _ in MAC_CPU.values()}
+    path = library(everywhere[model], "darwin64", tmp_path)
+    binary, content = MachO(str(path)), path.read_bytes()
+    assert {header.header.cputype for header in binary.headers} == {cpu for cpu, _ in macho.CPU.values()}
     for header in binary.headers:
         assert header.filetype == "dylib"
         assert [name for _, _, name in header.walkRelocatables()] == ["/usr/lib/libSystem.B.dylib"]
-        if header.header.cputype == MAC_CPU["arm64"][0]:
-            assert any(command[0].cmd == 0x1D for command in header.commands)  # LC_CODE_SIGNATURE: Apple's chips insist
+        names = [data.rstrip(b"\0") for load, _, data in header.commands if load.cmd == mach_o.LC_ID_DYLIB]
+        assert names == [f"@rpath/{path.name}".encode()]
+        (signature,) = (command for load, command, _ in header.commands if load.cmd == mach_o.LC_CODE_SIGNATURE)
+        part = content[header.offset : header.offset + header.size]
+        check_ad_hoc(part, signature.dataoff, signature.datasize)
+    assert str(tmp_path.parent.parent).encode() not in content and b"ema_build_" not in content
+
+
+@pytest.mark.parametrize("model", ports.MODELS)
+def test_the_mac_binary_for_apples_processors_is_there_alone_too(everywhere: dict[str, Path], model: str) -> None:
+    with zipfile.ZipFile(everywhere[model]) as archive:
+        alone = archive.read(f"binaries/aarch64-darwin/{everywhere[model].stem}.dylib")
+        both = archive.read(f"binaries/darwin64/{everywhere[model].stem}.dylib")
+    cpu, _, offset, size, _ = struct.unpack_from(">5I", both, 28)  # the second of the two, after the head of 8 bytes
+    assert cpu == macho.CPU["arm64"][0] and both[offset : offset + size] == alone
 
 
 @pytest.mark.parametrize("model", ports.MODELS)
@@ -160,7 +176,16 @@ def test_an_fmu_for_all_platforms_is_small(everywhere: dict[str, Path], model: s
     assert everywhere[model].stat().st_size < MEGABYTE
     with zipfile.ZipFile(everywhere[model]) as archive:
         folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
-    assert folders == {platform.folder for platform in PLATFORMS.values()}
+    assert folders == {folder for platform in PLATFORMS.values() for folder in (platform.folder, *platform.beside)}
+
+
+def test_the_windows_binary_brings_the_licenses_of_what_starts_it(everywhere: dict[str, Path]) -> None:
+    with zipfile.ZipFile(everywhere["LF"]) as archive:
+        names = {name.rpartition("/")[2] for name in archive.namelist() if name.startswith("documentation/licenses/")}
+        own = archive.read("documentation/licenses/license.txt").decode()
+        assert names == {"license.txt", "mingw-w64.txt", "zig.txt"}
+        assert "Zope Public License" in archive.read("documentation/licenses/mingw-w64.txt").decode()
+    assert "mingw-w64.txt, zig.txt" in own
 
 
 def test_the_linux64_binary_does_not_depend_on_its_company(

@@ -1,6 +1,7 @@
 """The FMUs and the SSP in importers that others wrote: fmutool, libcosimpy (libcosim, FMI Library), ecospy (ecos).
 
-Truth: FMPy's results for the same inputs, to the last bit.
+Truth: FMPy's results for the same inputs, to the last bit. FMPy hands the tolerance of the default experiment on to the FMU,
+libcosim and ecos give none.
 """
 
 import ctypes.util
@@ -61,6 +62,7 @@ def libcosims(source: Path, parameters: Mapping[str, float]) -> list[float]:
     setters = {
         "Real": execution.real_initial_value,
         "Integer": lambda s, r, v: execution.integer_initial_value(s, r, int(v)),
+        "Enumeration": lambda s, r, v: execution.integer_initial_value(s, r, int(v)),
         "Boolean": lambda s, r, v: execution.boolean_initial_value(s, r, bool(v)),
     }
     for name, value in ({"command": COMMAND, "load_torque": LOAD} | dict(parameters)).items():
@@ -99,7 +101,12 @@ def ecoss(source: Path, parameters: Mapping[str, float], *, parameter_set: str |
 
 
 def _typed(name: str, value: float) -> float | int | bool:
-    kinds: dict[str, Callable[[float], float | int | bool]] = {"Real": float, "Integer": int, "Boolean": bool}
+    kinds: dict[str, Callable[[float], float | int | bool]] = {
+        "Real": float,
+        "Integer": int,
+        "Boolean": bool,
+        "Enumeration": int,
+    }
     return kinds[ports.VARIABLES[ports.INDEX[name]].kind](value)
 
 
@@ -123,6 +130,38 @@ def test_fmutool_finds_nothing(fmus: dict[str, Path], model: str) -> None:
 def test_libcosim_runs_an_fmu(fmus: dict[str, Path], fidelity: str) -> None:
     model, parameters = FIDELITIES[fidelity]
     assert libcosims(fmus[model], parameters | FAULTS) == fmpys(fmus[model], parameters | FAULTS)
+
+
+def test_libcosim_stops_at_a_value_out_of_range(fmus: dict[str, Path]) -> None:
+    """It takes fmi2Discard for what it is, a bad value (FMI 2.0.5, section 2.1.3)."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimManipulator import CosimManipulator
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    execution = CosimExecution.from_step_size(step_size=round(STEP * 1e9))
+    slave = execution.add_local_slave(CosimLocalSlave(fmu_path=str(fmus["LF"]), instance_name=ssp.COMPONENT))
+    override = CosimManipulator.create_override()
+    assert execution.add_manipulator(override) and execution.step(5)
+    assert override.slave_real_values(slave, [ports.INDEX["load_torque"]], [5.0]) and execution.step(5)
+    assert override.slave_real_values(slave, [ports.INDEX["load_torque"]], [2e6]) and not execution.step(5)
+
+
+@needs_tbb
+def test_ecos_goes_on_with_the_value_before_one_out_of_range(fmus: dict[str, Path]) -> None:
+    """It looks at no status of a value that it sets."""
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    structure = EcosSimulationStructure()
+    structure.add_model(ssp.COMPONENT, str(fmus["LF"]))
+    simulation = EcosSimulation(step_size=STEP, structure=structure)
+    simulation.init()
+    name = f"{ssp.COMPONENT}::load_torque"
+    for value, kept in ((5.0, 5.0), (2e6, 5.0), (-3.0, -3.0)):
+        simulation.set_real(name, value)
+        simulation.step(1)
+        assert simulation.get_real(name) == kept
+    simulation.terminate()
+    simulation.free()
 
 
 @EACH

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi import DISCARD, OUTPUT_REALS, STEP, Instance, refused
-from fmpy import simulate_fmu
+from fmi import DISCARD, ERROR, OUTPUT_REALS, STEP, Instance, refused
+from fmpy import read_model_description, simulate_fmu
 
 from ema_fmu_src import ports
 
@@ -104,12 +104,40 @@ def test_state_continues_identically(instance: Instance, serialized: bool) -> No
         (5 * STEP, 0.2, ("0.2005 s", "0.01 s")),
     ],
 )
-def test_refused_step(instance: Instance, time: float, size: float, told: tuple[str, ...]) -> None:
+def test_refused_step(runtime: str, instance: Instance, time: float, size: float, told: tuple[str, ...]) -> None:
+    """FMI 2.0.5 asks for fmi2Error (sections 2.1.6, 4.2.2), pythonfmu can only discard; the right step can be taken next."""
+    answer = ERROR if runtime == "native" else DISCARD
     instance.start(stop_time=0.01)
     instance.run(0, 5)
-    refused(DISCARD, instance.step, time, size)
+    refused(answer, instance.step, time, size)
     status, message = instance.messages[0]
-    assert status == DISCARD
+    assert status == answer
     assert all(word in message for word in told), message
     instance.run(5, 100)
     assert len(instance.messages) == 1
+
+
+@pytest.mark.parametrize("size", [1e300, 1e9])
+def test_a_step_that_would_not_end_is_refused(runtime: str, instance: Instance, size: float) -> None:
+    instance.start()
+    refused(ERROR if runtime == "native" else DISCARD, instance.step, 0.0, size)
+    assert "steps of" in instance.messages[0][1] and "1e+09 are the most" in instance.messages[0][1]
+    instance.run(0, 5)
+
+
+def test_no_tolerance_is_that_of_the_default_experiment(built: dict[str, Path], open_fmu: Callable[..., Instance]) -> None:
+    """HF finds its switchings with it; a tighter one finds others."""
+    for model in ports.MODELS:
+        default = float(read_model_description(str(built[model])).defaultExperiment.tolerance)
+        assert default == 4e-3
+        rows = {}
+        for tolerance in (None, default, 1e-4):
+            instance = open_fmu(model)
+            instance.fmu.setupExperiment(tolerance=tolerance, startTime=0.0)
+            instance.fmu.enterInitializationMode()
+            instance.set("command", 0.1)
+            instance.fmu.exitInitializationMode()
+            rows[tolerance] = instance.run(0, 100)
+        assert rows[None] == rows[default]
+        assert (rows[1e-4] == rows[default]) == (model != "HF")
+        assert rows[1e-4][-1][0] == pytest.approx(rows[default][-1][0], rel=1e-3)

@@ -1,11 +1,13 @@
 """The python runtime's own ways: what it refuses is discarded with the next step, and which sources it runs."""
 
+import json
 import math
 import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fmi import DISCARD, ERROR, STEP, Instance, refused
@@ -14,6 +16,7 @@ from rebuild import rebuilt
 from ema_fmu_src import ports
 from ema_fmu_src.fmu import source
 from ema_fmu_src.fmu.build import built_from, is_current
+from ema_fmu_src.twins import CLOCK
 
 
 @pytest.fixture(params=["python"])
@@ -116,6 +119,50 @@ def test_state_of_another_twin(open_fmu: Callable[..., Instance]) -> None:
     assert "'LF'" in elf.messages[0][1] and "'ELF'" in elf.messages[0][1]
     refused(DISCARD, elf.step, 0.0)
     elf.run(0, 5)
+
+
+FORGED: dict[str, tuple[str, Callable[[dict[str, Any]], object]]] = {
+    "no step": ("clock", lambda state: place(state["x"], "step", 0.0)),
+    "a step that is none": ("finite", lambda state: place(state["x"], "step", math.nan)),
+    "no tick": ("finite", lambda state: place(state["x"], "tick", math.nan)),
+    "a tick elsewhere": ("clock", lambda state: place(state["x"], "tick", 1e12)),
+    "no steps in a period": ("clock", lambda state: place(state["x"], "per_period", 0.0)),
+    "a part of a tick before it": ("clock", lambda state: place(state["x"], "offset", -1.0)),
+    "a flag that is none": ("clock", lambda state: place(state["x"], "due", 0.5)),
+    "a point elsewhere": ("clock", lambda state: state["clock"].__setitem__(1, 1e6)),
+    "no start": ("times", lambda state: state["clock"].__setitem__(0, None)),
+    "a stop before the start": ("times", lambda state: state["clock"].__setitem__(2, -1.0)),
+    "no tolerance": ("tolerance", lambda state: state["clock"].__setitem__(3, 0.0)),
+    "a parameter out of its range": ("solver.step is out", lambda state: state["v"].__setitem__(SOLVER_STEP, 1e-300)),
+    "half a pole pair": ("motor.p is out", lambda state: state["v"].__setitem__(ports.INDEX["motor.p"], 2.5)),
+    "an output that is none": ("finite", lambda state: state["v"].__setitem__(ports.INDEX["position"], math.inf)),
+    "words for numbers": ("other variables", lambda state: state["v"].__setitem__(0, "one")),
+    "a number too large": ("other variables", lambda state: state["x"].__setitem__(0, 10**400)),
+    "too few numbers": ("other variables", lambda state: state["x"].pop()),
+    "no mode": ("no mode", lambda state: state.pop("mode")),
+    "another mode": ("no mode", lambda state: state["mode"].__setitem__(0, "flying")),
+    "another status": ("no status", lambda state: state["mode"].__setitem__(2, ["why"])),
+}
+SOLVER_STEP = ports.INDEX["solver.step"]
+
+
+def place(x: list[float], name: str, value: float) -> None:
+    x[CLOCK[name]] = value
+
+
+@pytest.mark.parametrize("forgery", FORGED)
+def test_forged_states_are_refused(instance: Instance, forgery: str) -> None:
+    told, forge = FORGED[forgery]
+    instance.start()
+    instance.run(0, 7)
+    data = instance.fmu.serializeFMUstate(instance.fmu.getFMUstate())
+    state = json.loads(data)
+    forge(state)
+    instance.fmu.setFMUstate(instance.fmu.deSerializeFMUstate(json.dumps(state).encode()))
+    assert "FMU state is refused" in instance.messages[-1][1] and told in instance.messages[-1][1]
+    refused(DISCARD, instance.step, 7 * STEP)
+    instance.fmu.setFMUstate(instance.fmu.deSerializeFMUstate(data))
+    instance.run(7, 10)
 
 
 def test_holds_its_sources(python_fmus: dict[str, Path]) -> None:

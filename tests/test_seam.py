@@ -22,8 +22,7 @@ STEP = 1e-4  # s
 def compiled(source: Path, *include: Path, to: Path) -> None:
     """Compiles one C file as the build does, with these folders for its headers."""
     folders = [word for folder in include for word in ("-I", str(folder))]
-    flags = [flag for flag in library.FLAGS if flag not in ("-shared", "-s")]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", TARGET.zig, *flags, "-fPIC", "-c"]
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", TARGET.zig, *library.FLAGS, "-fPIC", "-c"]
     subprocess.run([*command, *folders, str(source), "-o", str(to)], check=True)
 
 

@@ -5,8 +5,8 @@ fmus="$(cd "${1:-fmus}" && pwd)"
 cd "$(dirname "$0")/.."
 scratch="$(mktemp -d)"
 trap 'rm -rf "$scratch"' EXIT
-headers="$(python -c 'import fmpy, pathlib; print(pathlib.Path(fmpy.__file__).parent / "c-code")')"
-python -m ziglang cc -target x86_64-linux-gnu.2.28 -g -O1 -I "$headers" tests/c/host.c -o "$scratch/host" -ldl
+program='import sys; sys.path[:0] = ["tests", "."]; from pathlib import Path; import test_hosts; test_hosts.host("linux64", Path(sys.argv[1]))'
+python -c "$program" "$scratch"
 for fmu in "$fmus"/EMA_*.fmu; do
   name="$(basename "$fmu" .fmu)"
   python -m zipfile -e "$fmu" "$scratch/$name"

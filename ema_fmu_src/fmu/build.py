@@ -12,7 +12,7 @@ from pathlib import Path
 from fmpy.validation import validate_fmu
 
 from .. import ports
-from . import archive, crosscheck, description, documentation, image, markup, source, ssp
+from . import archive, crosscheck, description, documentation, image, licenses, markup, source, ssp
 from .native import library, targets
 
 RUNTIMES = ("native", "python")
@@ -118,14 +118,14 @@ def _native(model: str, platforms: Sequence[str], scratch: Path) -> dict[str, by
     root = description.model_description(
         model, runtime="native", source_hash=source.content_hash(), capabilities=NATIVE_CAPABILITIES
     )
-    text = markup.document(root)
-    return {"modelDescription.xml": text} | library.libraries(model, str(root.get("guid")), platforms, scratch=scratch)
+    binaries = library.libraries(model, str(root.get("guid")), platforms, scratch=scratch)
+    return {"modelDescription.xml": markup.document(root)} | binaries | licenses.native(platforms)
 
 
 def _python(model: str, scratch: Path) -> dict[str, bytes]:
     from .python import packing  # pythonfmu, which the native runtime does not need
 
-    return packing.members(model, scratch)
+    return packing.members(model, scratch) | licenses.python()
 
 
 def _validate(path: Path) -> None:

@@ -45,8 +45,8 @@ def members(model: str) -> dict[str, bytes]:
     ):
         SubElement(manifest, "Related", type=kind, source=source, role=role, description=text)
     experiments = Element("Experiments")
-    times = {"startTime": description.START_TIME, "stopTime": description.STOP_TIME, "stepSize": description.STEP_SIZE}
-    experiment = SubElement(experiments, "Experiment", {"name": "SIN", "description": "The paper's trial SIN"} | times)
+    told = {"name": "SIN", "description": "The paper's trial SIN"}
+    experiment = SubElement(experiments, "Experiment", told | description.EXPERIMENT)
     SubElement(experiment, "Stimuli", source=stimuli.name)
     SubElement(experiment, "References", source=results.name)
     texts = {"fmi-ls-manifest.xml": markup.document(manifest), "experiments.xml": markup.document(experiments)}

@@ -3,12 +3,16 @@
 import uuid
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from .. import __version__, ports
-from ..twins import TWINS
+from .. import __author__, __copyright__, __license__, __version__, ports
+from ..twins import TWINS, hf
 from .markup import literal
-from .units import DISPLAY_UNITS, UNITS, declare
+from .units import DISPLAY_UNITS, DISPLAYED, UNITS, declare
 
 START_TIME, STOP_TIME, STEP_SIZE = "0.0", "2.5", "0.0001"
+DEFAULT_TOLERANCE = hf.MARGIN
+"""Relative tolerance of an experiment that gives none (FMI 2.0, section 2.2.5)."""
+EXPERIMENT = {"startTime": START_TIME, "stopTime": STOP_TIME, "stepSize": STEP_SIZE, "tolerance": f"{DEFAULT_TOLERANCE!r}"}
+"""Attributes of the default experiment."""
 GENERATED = "2026-01-01T00:00:00Z"
 """Fixed, so that the same sources give the same FMU byte for byte."""
 CATEGORIES = {
@@ -55,18 +59,30 @@ def _units() -> Element:
     definitions = Element("UnitDefinitions")
     for name in UNITS:
         unit = declare(definitions, name)
-        if name in DISPLAY_UNITS:
-            display, factor = DISPLAY_UNITS[name]
+        for display, factor in DISPLAY_UNITS.get(name, {}).items():
             SubElement(unit, "DisplayUnit", name=display, factor=literal("Real", factor))
     return definitions
 
 
+def type_name(variable: ports.Variable) -> str:
+    """Name of the type of an Enumeration or a Real: fault.open_switch is an OpenSwitch, a motor.R a Resistance."""
+    if variable.kind == "Enumeration":
+        return variable.name.rpartition(".")[2].replace("_", " ").title().replace(" ", "")
+    return UNITS[variable.unit][0]
+
+
 def _types() -> Element:
+    """A type for each unit, and one for each Enumeration (FMI 2.0, section 2.2.3)."""
     definitions = Element("TypeDefinitions")
     for unit, (quantity, _) in UNITS.items():
         real = SubElement(SubElement(definitions, "SimpleType", name=quantity), "Real", quantity=quantity, unit=unit)
-        if unit in DISPLAY_UNITS:
-            real.set("displayUnit", DISPLAY_UNITS[unit][0])
+        if unit in DISPLAYED:
+            real.set("displayUnit", DISPLAYED[unit])
+    for variable in ports.VARIABLES:
+        if variable.kind == "Enumeration":
+            items = SubElement(SubElement(definitions, "SimpleType", name=type_name(variable)), "Enumeration")
+            for item, value in variable.items.items():
+                SubElement(items, "Item", name=item, value=str(value))
     return definitions
 
 
@@ -84,13 +100,16 @@ def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> El
         attributes["initial"] = "calculated" if calculated else "exact"
     element = Element("ScalarVariable", attributes)
     kind = SubElement(element, variable.kind)
+    if variable.kind in ("Real", "Enumeration"):
+        kind.set("declaredType", type_name(variable))
     if variable.kind == "Real":
-        kind.set("declaredType", UNITS[variable.unit][0])
         kind.set("unit", variable.unit)
-        if variable.unit in DISPLAY_UNITS:
-            kind.set("displayUnit", DISPLAY_UNITS[variable.unit][0])
-    bounds = {} if variable.kind == "Boolean" else {"min": variable.minimum, "max": variable.maximum}
-    for attribute, value in (bounds | {"start": None if calculated else variable.start_for(model)}).items():
+        display = variable.display or DISPLAYED.get(variable.unit)
+        if display:
+            kind.set("displayUnit", display)
+    numbers = {} if variable.kind == "Boolean" else {"min": variable.minimum, "max": variable.maximum}
+    numbers |= {"nominal": variable.nominal, "start": None if calculated else variable.start_for(model)}
+    for attribute, value in numbers.items():
         if value is not None:
             kind.set(attribute, literal(variable.kind, value))
     return element
@@ -123,7 +142,10 @@ def model_description(model: str, *, runtime: str, source_hash: str, capabilitie
         modelName=f"EMA_{model}",
         guid="",
         description=TWINS[model].title,
+        author=__author__,
         version=__version__,
+        copyright=__copyright__,
+        license=f"{__license__}, see documentation/licenses/license.txt",
         generationTool=f"EMA twins {__version__} ({runtime})",
         generationDateAndTime=GENERATED,
         variableNamingConvention="structured",
@@ -139,7 +161,7 @@ def model_description(model: str, *, runtime: str, source_hash: str, capabilitie
     categories = SubElement(root, "LogCategories")
     for name, description in CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=description)
-    SubElement(root, "DefaultExperiment", startTime=START_TIME, stopTime=STOP_TIME, stepSize=STEP_SIZE)
+    SubElement(root, "DefaultExperiment", EXPERIMENT)
     variables = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(ports.VARIABLES):
         variables.append(_scalar_variable(variable, reference, model))

@@ -6,6 +6,7 @@ from html import escape
 
 from .. import __version__, ports
 from ..twins import TWINS
+from .description import DEFAULT_TOLERANCE
 
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --soft: #8881; }
@@ -46,12 +47,14 @@ curves.</p>
 <ul>
 <li>FMI 2.0 co-simulation. A communication step may have any length above 0; the default is 1e-4 s. The twin keeps its own
 time grid: with constant inputs the results do not depend on the communication steps.</li>
+<li>A relative tolerance is that with which HF finds the inverter's switchings, as a fraction of the hysteresis band; without
+one it is {tolerance:g}. ELF and LF have a fixed step.</li>
 <li>The parameters <code>fault.*</code> are tunable: set them before a run, or let a fault grow during it. The other
 parameters are fixed after initialization. <code>initial.*</code> start the twin in motion.</li>
 <li><code>voltage_saturated</code> is true if some phase was voltage-limited in the last communication step: plain ELF has
 left its range of validity there; ELF+ (<code>driver.coupled_saturation</code>) has not.</li>
-<li>A value out of its range, a NaN or a call that is not allowed at that time is refused with a message in the log, and
-changes nothing.</li>
+<li>A value out of its range or a NaN (<code>fmi2Discard</code> in the native runtime), a step that cannot be taken or a call
+that is not allowed at that time (<code>fmi2Error</code>) is refused with a message in the log, and changes nothing.</li>
 </ul>
 
 <h2 id="variables">Variables</h2>
@@ -70,23 +73,23 @@ SECTIONS = (
 )
 
 
-def _value(variable: ports.Variable, value: float | None) -> str:
-    if value is None:
+def _span(variable: ports.Variable) -> str:
+    """What values the variable may have, as text; empty if any."""
+    if variable.kind == "Enumeration":
+        return ", ".join(f"{value} {item}" for item, value in variable.items.items())
+    limits = (variable.minimum, variable.maximum)
+    if variable.kind == "Boolean" or limits == (None, None):
         return ""
-    if variable.kind == "Boolean":
-        return "true" if value else "false"
-    return f"{value:g}"
+    return " .. ".join("" if limit is None else variable.text(limit) for limit in limits)
 
 
 def _table(title: str, variables: Iterable[ports.Variable], model: str) -> str:
     heads = ("Value reference", "Name", "Type", "Unit", "Start", "Range", "Meaning")
     rows = []
     for variable in variables:
-        bounded = variable.kind != "Boolean" and (variable.minimum is not None or variable.maximum is not None)
-        span = f"{_value(variable, variable.minimum)} .. {_value(variable, variable.maximum)}" if bounded else ""
         settable = variable.causality in ("input", "parameter")
-        start = _value(variable, variable.start_for(model)) if settable else ""
-        cells = (ports.INDEX[variable.name], variable.name, variable.kind, variable.unit, start, span)
+        start = variable.text(variable.start_for(model)) if settable else ""
+        cells = (ports.INDEX[variable.name], variable.name, variable.kind, variable.unit, start, _span(variable))
         texts = "".join(f'<td class="number">{escape(str(cell))}</td>' for cell in cells)
         rows.append(f"<tr>{texts}<td>{escape(variable.description_for(model))}</td></tr>")
     head = "".join(f'<th scope="col">{name}</th>' for name in heads)
@@ -103,5 +106,6 @@ def page(model: str) -> str:
         version=__version__,
         style=STYLE,
         equations=escape(equations),
+        tolerance=DEFAULT_TOLERANCE,
         tables="\n".join(_table(title, variables, model) for title, variables in SECTIONS),
     )

@@ -1,4 +1,5 @@
-"""ema.ssp: the actuator as a system (SSP 1.0), with parameter sets for the healthy actuator and for faults.
+"""ema.ssp: the actuator as a system (SSP 1.0, and by its schemas 2.0), with parameter sets for the healthy actuator and for
+faults.
 
 The system has one component, `actuator`, with the FMU resources/EMA.fmu. To change the fidelity, replace that file: all
 fidelities have the same ports. SystemStructure.ssd binds the parameter set `healthy`; each of the other sets has a system
@@ -22,13 +23,15 @@ SET_NAME = "initialValues"
 """Name of every parameter set: libcosim and ecos apply the set of this name at the start."""
 
 PARAMETER_SETS: dict[str, dict[str, float]] = {
-    "healthy": {variable.name: variable.start for variable in ports.FAULTS},
+    "healthy": {variable.name: variable.start for variable in ports.FAULTS if variable.kind != "Enumeration"},
     "worn": {"fault.friction": 2.0, "fault.backlash": 50.0},
     "shorted": {"fault.N_a": 0.8},
     "eccentric": {"fault.zeta": 0.1, "fault.phi": 0.5},
+    "broken": {"fault.open_switch": 1},
     "ELF+": {"driver.coupled_saturation": 1.0},
 }
-"""Parameter sets in the package, by name, each in a file resources/NAME.ssv; values in the ports' units."""
+"""Parameter sets in the package, by name, each in a file resources/NAME.ssv; values in the ports' units. The set that is
+bound has no Enumeration, because libcosim and ecos read none (and start healthy without)."""
 
 
 def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
@@ -40,20 +43,35 @@ def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
     variables = [ports.VARIABLES[ports.INDEX[parameter]] for parameter in values]
     for variable in variables:
         _typed(SubElement(parameters, "ssv:Parameter", name=variable.name), "ssv", variable, values[variable.name])
+    _declare_enumerations(root, "ssv", variables)
     _declare_units(root, "ssv", variables)
     return markup.document(root)
 
 
 def _typed(parent: Element, prefix: str, variable: ports.Variable, value: float | None = None) -> None:
+    """The type of `variable`, and its `value`: that of an Enumeration is the name of an item."""
     element = SubElement(parent, f"{prefix}:{variable.kind}")
     if value is not None:
-        element.set("value", markup.literal(variable.kind, value))
+        element.set("value", variable.text(value) if variable.items else markup.literal(variable.kind, value))
     if variable.kind == "Real":
         element.set("unit", variable.unit)
+    if variable.kind == "Enumeration":
+        element.set("name", description.type_name(variable))
+
+
+def _declare_enumerations(root: Element, prefix: str, variables: Iterable[ports.Variable]) -> None:
+    """Declare the types of those `variables` that are Enumerations, if any is: SSP allows no empty list."""
+    chosen = [variable for variable in variables if variable.kind == "Enumeration"]
+    if chosen:
+        declared = SubElement(root, f"{prefix}:Enumerations")
+        for variable in chosen:
+            items = SubElement(declared, "ssc:Enumeration", name=description.type_name(variable))
+            for item, value in variable.items.items():
+                SubElement(items, "ssc:Item", name=item, value=str(value))
 
 
 def _declare_units(root: Element, prefix: str, variables: Iterable[ports.Variable]) -> None:
-    """Declare the units of `variables`, if any has one: SSP 1.0 allows no empty list."""
+    """Declare the units of `variables`, if any has one: SSP allows no empty list."""
     used = dict.fromkeys(variable.unit for variable in variables if variable.unit)
     if used:
         declared = SubElement(root, f"{prefix}:Units")
@@ -62,10 +80,15 @@ def _declare_units(root: Element, prefix: str, variables: Iterable[ports.Variabl
 
 
 def structure(parameters: str) -> bytes:
-    """The system structure (SSD): one component with the set `parameters` of PARAMETER_SETS bound to it."""
+    """The system structure (SSD): one component with the set `parameters` of PARAMETER_SETS bound to it.
+
+    Its name is another one for each set: importers (OMSimulator) tell the variants in a package by their names, and take
+    only letters, digits and underscores.
+    """
     root = Element(
         "ssd:SystemStructureDescription",
-        {"xmlns:ssd": SSD, "xmlns:ssc": SSC, "xmlns:ssv": SSV, "version": "1.0", "name": "EMA"}
+        {"xmlns:ssd": SSD, "xmlns:ssc": SSC, "xmlns:ssv": SSV, "version": "1.0"}
+        | {"name": f"EMA_{parameters.replace('+', '_plus')}"}
         | {"generationTool": f"EMA twins {__version__}", "generationDateAndTime": description.GENERATED},
     )
     system = SubElement(root, "ssd:System", name="EMA", description="Electromechanical flight-control actuator")

@@ -22,8 +22,14 @@ UNITS: dict[str, tuple[str, dict[str, int]]] = {
 }
 """Quantity, which is the name of the type too, and exponents of the SI base units, for each unit of a port."""
 
-DISPLAY_UNITS = {"rad": ("deg", 57.29577951308232), "rad/s": ("rpm", 9.549296585513721)}
-"""Display unit and its factor, where people read another unit."""
+DISPLAY_UNITS: dict[str, dict[str, float]] = {
+    "rad": {"deg": 57.29577951308232},
+    "rad/s": {"rpm": 9.549296585513721},
+    "A": {"mA": 1e3},
+}
+"""Units in which people read a unit, and their factors."""
+DISPLAYED = {"rad": "deg", "rad/s": "rpm"}
+"""Display unit of all variables of a unit that do not name another one."""
 
 
 def declare(parent: Element, name: str, *, prefix: str = "") -> Element:

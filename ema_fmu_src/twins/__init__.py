@@ -11,6 +11,7 @@ The contract between a twin and whatever runs it (the native runtime's C, the py
 - `initialize(v, x) -> Status` starts the twin at time 0 from the parameters and inputs in `v` and writes the outputs.
 - `advance(v, x, t) -> Status` runs to time `t` in seconds since the start and writes the outputs. The inputs in `v` are
   those at the beginning of the step. Steps may have any length > 0; the twin keeps its own ticks.
+- where the clock of a twin lies in `x` is told by `CLOCK`, so that a host can check a copy before it uses it.
 - after another status than OK the twin is not to be advanced.
 
 The functions are numba dispatchers that accept numpy arrays or, for the native runtime, `CPointer(float64)`; they
@@ -23,13 +24,15 @@ from importlib import import_module
 from typing import Any
 
 from ..fidelities import FIDELITIES, MODELS
-from .host import SLOPES, told
+from .host import NEVER, SLOPES, clock, partial, told
 from .status import Status
 
-__all__ = ["SLOPES", "STALE", "TOLERANCE", "TWINS", "Status", "Twin"]
+__all__ = ["CLOCK", "NEVER", "SLOPES", "STALE", "TOLERANCE", "TWINS", "Status", "Twin"]
 
 STALE: int = told.stale
 TOLERANCE: int = told.tolerance
+CLOCK: dict[str, int] = {**clock._asdict(), "pending": partial.pending, "ramped": partial.ramped}
+"""Place in `x` of each state of a twin's clock (twins/host.py), and of two flags (0 or 1) of its last partial step."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,14 @@ class Twin:
     n_states: int
     initialize: Callable[[Any, Any], Status]
     advance: Callable[[Any, Any, float], Status]
+    tick: str
+    """The port that tells how long a tick of the clock is; empty: as long as the twin's own step."""
 
 
 def _twin(name: str) -> Twin:
     """The model `name`, from the module of that name."""
     module = import_module(f".{name.lower()}", __package__)
-    return Twin(name, FIDELITIES[name].title, len(module.STATES), module.initialize, module.advance)
+    return Twin(name, FIDELITIES[name].title, len(module.STATES), module.initialize, module.advance, module.TICK)
 
 
 TWINS: dict[str, Twin] = {name: _twin(name) for name in MODELS}

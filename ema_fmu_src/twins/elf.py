@@ -26,6 +26,8 @@ from .status import Status
 STATES = whole(actuator.ONCE, actuator.MOVING)
 N_STATES = len(STATES)
 MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING))
+TICK = ""
+"""The port that tells how long a tick of the clock is; empty: as long as a step."""
 LEAST_R = 0.5
 """Least fault.resistance: bounds of the step hold whatever the faults."""
 

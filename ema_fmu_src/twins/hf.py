@@ -46,6 +46,8 @@ OWN = (
 STATES = whole(actuator.ONCE, (*actuator.MOVING, *OWN))
 N_STATES = len(STATES)
 MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING) + len(OWN))
+TICK = "controller.period"
+"""The port that tells how long a tick of the clock is; empty: as long as a step."""
 own = places("own", OWN, first=len(actuator.ONCE) + len(actuator.MOVING))
 
 MOST_STEPS = 20000

@@ -27,7 +27,7 @@ CLOCK = (
     State("tick", "1", "whole steps since the start; HF: whole controller periods"),
     State("offset", "s", "time since that tick"),
     State("per_sample", "1", "ticks from sample to sample of the controller"),
-    State("next_sample", "1", "the tick at which the controller is sampled next; infinite in a twin that does not sample"),
+    State("next_sample", "1", "the tick at which the controller is sampled next; NEVER in a twin that does not sample"),
     State("point", "s", "time of the last communication point"),
 )
 PARTIAL = (
@@ -54,6 +54,8 @@ SLOPES: dict[str, int] = {variable.name: getattr(told, f"slope_{variable.name}")
 _ALL_SLOPES = tuple(SLOPES.values())
 inputs = namespace("inputs", {name: Input(ports.INDEX[name], slope) for name, slope in SLOPES.items()})
 
+NEVER = 1e18
+"""The tick of the next sample in a twin that does not sample."""
 CLOSE = 1e-6
 """Two times closer than this fraction of a step are one: hosts that add up their steps are off by 1e-12 s."""
 

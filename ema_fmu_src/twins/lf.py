@@ -13,8 +13,6 @@ Does not cover: differences between the phase currents, the controller's integra
 dead time, a switch that stays open, sensor errors.
 """
 
-import math
-
 from ..physics import inverter, monitor, single_phase, stability
 from ..physics.controller import cascade
 from ..physics.jit import kernel
@@ -29,6 +27,8 @@ from .status import Status
 STATES = whole(actuator.ONCE, actuator.MOVING)
 N_STATES = len(STATES)
 MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING))
+TICK = ""
+"""The port that tells how long a tick of the clock is; empty: as long as a step."""
 MOST_GAIN = 10.0
 """Largest fault.gain: bounds of the step hold whatever the faults."""
 
@@ -52,7 +52,7 @@ def initialize(v, x):
     longest = stability.for_loop(longest, 1.5 * K_e * v[port.controller.K_p] / J, single_phase.TAU)
     longest = stability.for_loop(longest, MOST_GAIN * v[port.controller.K_pos], stability.SHORTEST)
     status = actuator.start(v, x, min(step, longest), longest, N_STATES)
-    x[clock.next_sample] = math.inf
+    x[clock.next_sample] = host.NEVER
     return _publish(v, x, 0.0) if status == Status.OK else status
 
 

@@ -141,11 +141,12 @@ def _values(name: str, values: Any, where: str) -> tuple[float, ...]:
     variable = settable(name, where)
     if not isinstance(values, list | tuple) or not values:
         raise HarnessError(f"{where}: a list of values is needed, such as [1.0, 0.9]")
-    for value in values:
+    numbers = [variable.items.get(value, value) if isinstance(value, str) else value for value in values]
+    for value in numbers:
         if not isinstance(value, int | float):
-            raise HarnessError(f"{where}: {value!r} is not a number")
+            raise HarnessError(f"{where}: {value!r} is not {' or '.join(['a number', *variable.items])}")
         check_value(variable, float(value), where)
-    return tuple(float(value) for value in values)
+    return tuple(float(value) for value in numbers)
 
 
 def _pair(name: str, values: Any, where: str) -> tuple[float, float]:

@@ -98,8 +98,10 @@ class Component:
         """The present value of the Real variable `name`."""
         return float(self._slave.getReal([self.value_reference(name)])[0])
 
-    def begin(self, parameters: Mapping[str, float], inputs: Mapping[str, float], *, start: float = 0.0) -> Any:
+    def begin(self, parameters: Mapping[str, float | str], inputs: Mapping[str, float], *, start: float = 0.0) -> Any:
         """Reset, set `parameters` and `inputs` (name -> value in its unit), initialize at the time `start` [s].
+
+        The value of an Enumeration may also be the name of one of its items.
 
         Returns FMPy's slave, which has left initialization mode.
         """
@@ -124,14 +126,23 @@ class Component:
             raise HarnessError(f"{self.path.name}: {messages}")
         return slave
 
-    def _set(self, name: str, value: float) -> None:
+    def _set(self, name: str, value: float | str) -> None:
         variable = self.variables.get(name)
         if variable is None:
             raise HarnessError(f"{self.path}: has no variable '{name}'")
         references = [variable.valueReference]
+        if isinstance(value, str):
+            value = self._item(variable, value)
         if variable.type == "Boolean":
             self._slave.setBoolean(references, [bool(value)])
-        elif variable.type == "Integer":
+        elif variable.type in ("Integer", "Enumeration"):
             self._slave.setInteger(references, [int(value)])
         else:
             self._slave.setReal(references, [float(value)])
+
+    def _item(self, variable: Any, name: str) -> float:
+        """The value of the item `name` of an Enumeration; HarnessError if it has none of that name."""
+        items = {item.name: item.value for item in variable.declaredType.items or ()} if variable.declaredType else {}
+        if name not in items:
+            raise HarnessError(f"{self.path}: {variable.name} = '{name}': {', '.join(items) or 'a number'} is needed")
+        return float(items[name])

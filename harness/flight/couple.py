@@ -48,11 +48,11 @@ class Connection:
 @dataclass(frozen=True)
 class System:
     """FMU files by component name, in the order of Gauss-Seidel; connections of Real variables; parameters and start
-    values by COMPONENT.VARIABLE."""
+    values by COMPONENT.VARIABLE, an Enumeration's by value or by the name of an item."""
 
     components: Mapping[str, Path]
     connections: Sequence[Connection]
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
 
 
 @njit(cache=True)
@@ -169,7 +169,7 @@ def fly(
         sources, targets = (places.table(getattr(each, end) for each in connections) for end in ("source", "target"))
         factors = np.array([each.factor for each in connections], dtype=np.float64)
         fed, recorded = places.table(given), places.table(record)
-        starts: dict[str, dict[str, float]] = {name: {} for name in opened}
+        starts: dict[str, dict[str, float | str]] = {name: {} for name in opened}
         for name, value in system.parameters.items():
             component, variable = places.split(name)
             starts[component][variable] = value

@@ -18,10 +18,9 @@ def port_rows() -> list[tuple[str, ...]]:
             start = ""
         elif len(set(starts.values())) > 1:
             start = ", ".join(f"{model} {value:g}" for model, value in starts.items())
-        elif port.kind == "Boolean":
-            start = "true" if port.start else "false"
         else:
-            start = f"{port.start:g}"
+            start = port.text(port.start)
+        items = f" ({', '.join(f'{value} {item}' for item, value in port.items.items())})" if port.items else ""
         unused = f" (no effect in {', '.join(port.unused_by)})" if port.unused_by else ""
         limits = ("", "") if port.kind == "Boolean" else (_text(port.minimum), _text(port.maximum))
         rows.append(
@@ -34,7 +33,7 @@ def port_rows() -> list[tuple[str, ...]]:
                 port.unit,
                 start,
                 *limits,
-                port.description + unused,
+                port.description + items + unused,
             )
         )
     return rows

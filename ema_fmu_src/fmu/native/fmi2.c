@@ -1,5 +1,6 @@
 /* FMI 2.0 for co-simulation, as an adapter of instance.h: its names, types, callbacks and status codes, and which call it
-   allows when (FMI 2.0.4, section 4.2.4). A refused call has the status fmi2Error, a step that was not taken fmi2Discard. */
+   allows when (FMI 2.0.5, section 4.2.4). A value out of its range has the status fmi2Discard (2.1.3); any other refused call,
+   and a step that cannot be taken, fmi2Error (2.1.6, 4.2.2). After either the instance works on, which FMI does not ask. */
 
 #include <stdlib.h>
 

@@ -1,4 +1,4 @@
-/* An instance: its life, values and steps. What differs between the twins is in the generated twin.h and in the kernels. */
+/* An instance: its life and its steps. What differs between the twins is in the generated twin.h and in the kernels. */
 
 #include <math.h>
 #include <stdarg.h>
@@ -89,6 +89,7 @@ void instance_reset(Instance *m) {
     memset(s, 0, sizeof *s);
     for (size_t i = 0; i < N_VARIABLES; i++) s->v[i] = VARIABLES[i].start;
     s->stop = INFINITY;
+    s->tolerance = DEFAULT_TOLERANCE;
     s->mode = INSTANTIATED;
 }
 
@@ -99,11 +100,11 @@ Outcome instance_set_experiment(Instance *m, const double *tolerance, double sta
         REFUSE("tolerance %g refused: a number above 0 is needed", *tolerance);
     m->state.start = m->state.point = start;
     m->state.stop = stop ? *stop : INFINITY;
-    m->state.tolerance = tolerance ? *tolerance : 0.0;
+    m->state.tolerance = tolerance ? *tolerance : DEFAULT_TOLERANCE;
     return OK;
 }
 
-static Outcome initialize(Instance *m) {
+Outcome instance_initialize(Instance *m) {
     State *s = &m->state;
     s->status = ema_initialize(s->v, s->x);
     s->x[TOLERANCE] = s->tolerance;
@@ -115,7 +116,7 @@ static Outcome initialize(Instance *m) {
 void instance_enter_initialization(Instance *m) { m->state.mode = INITIALIZING; }
 
 Outcome instance_exit_initialization(Instance *m) {
-    const Outcome outcome = initialize(m);
+    const Outcome outcome = instance_initialize(m);
     m->state.mode = outcome == OK ? RUNNING : FAILED;
     return outcome;
 }
@@ -124,102 +125,56 @@ void instance_terminate(Instance *m) { m->state.mode = TERMINATED; }
 
 Mode instance_mode(const Instance *m) { return m->state.mode; }
 
-/* --- values --------------------------------------------------------------------------------------------------------- */
-
-static const char *const KINDS[] = {"Real", "Integer", "Boolean", "String"};
-
-/* Whether the references are of variables of that kind. */
-static Outcome check_references(const Instance *m, int kind, const Reference vr[], size_t n, const void *value) {
-    if (n && !(vr && value)) REFUSE("%s variables: the value references or the values are null", KINDS[kind]);
-    for (size_t i = 0; i < n; i++)
-        if (vr[i] >= N_VARIABLES || KIND_OF[vr[i]] != kind)
-            REFUSE("value reference %u is no %s variable of " MODEL, vr[i], KINDS[kind]);
-    return OK;
-}
-
-/* Whether `value` may be set; logs why not. */
-static Outcome check_value(const Instance *m, Reference vr, double value) {
-    const Variable *variable = &VARIABLES[vr];
-    const double kept = m->state.v[vr];
-#define KEEP(...) REFUSE("%s = %.15g refused: " __VA_ARGS__)
-    if (variable->causality != INPUT && variable->causality != PARAMETER)
-        KEEP("only the FMU sets it; it stays %.15g", variable->name, value, kept);
-    if (!isfinite(value)) KEEP("a finite number is needed; it stays %.15g", variable->name, value, kept);
-    if (value < variable->minimum)
-        KEEP("it is less than the minimum %.15g; it stays %.15g", variable->name, value, variable->minimum, kept);
-    if (value > variable->maximum)
-        KEEP("it is more than the maximum %.15g; it stays %.15g", variable->name, value, variable->maximum, kept);
-    if (variable->fixed && m->state.mode == RUNNING)
-        KEEP("a fixed parameter cannot change after initialization; it stays %.15g", variable->name, value, kept);
-    return OK;
-}
-
-static void set(State *s, Reference vr, double value) {
-    s->v[vr] = value;
-    s->fresh = 0;
-    if (VARIABLES[vr].causality == PARAMETER) s->x[STALE] = 1.0;
-}
-
-/* instance_get_NAME and instance_set_NAME: variables of a kind as values of a C type; `number` is what is kept of one. */
-#define VALUES(name, kind, type, number)                                                                           \
-    Outcome instance_get_##name(Instance *m, const Reference vr[], size_t n, type value[]) {                       \
-        State *s = &m->state;                                                                                      \
-        Outcome outcome = check_references(m, kind, vr, n, value);                                                 \
-        if (outcome != OK) return outcome;                                                                         \
-        if (s->mode == INITIALIZING && !s->fresh) outcome = initialize(m);                                         \
-        for (size_t i = 0; i < n; i++) value[i] = (type)s->v[vr[i]];                                               \
-        return outcome;                                                                                            \
-    }                                                                                                              \
-    Outcome instance_set_##name(Instance *m, const Reference vr[], size_t n, const type value[]) {                 \
-        Outcome outcome = check_references(m, kind, vr, n, value);                                                 \
-        if (outcome != OK) return outcome;                                                                         \
-        for (size_t i = 0; i < n; i++)                                                                             \
-            if (check_value(m, vr[i], number) != OK) outcome = ERROR;                                              \
-        for (size_t i = 0; i < n && outcome == OK; i++) set(&m->state, vr[i], number);                             \
-        return outcome;                                                                                            \
-    }
-
-VALUES(double, REAL, double, value[i])
-VALUES(int32, INTEGER, int32_t, value[i])
-VALUES(flag, BOOLEAN, int, value[i] ? 1.0 : 0.0)
-
-Outcome instance_use_string(const Instance *m, const Reference vr[], size_t n, const void *value) {
-    return check_references(m, STRING, vr, n, value);
-}
-
-Outcome instance_set_slope(Instance *m, const Reference vr[], size_t n, const double value[]) {
-    const Outcome outcome = check_references(m, REAL, vr, n, value);
-    if (outcome != OK) return outcome;
-    for (size_t i = 0; i < n; i++) {
-        const char *name = VARIABLES[vr[i]].name;
-        if (INPUT_OF[vr[i]] < 0) REFUSE("derivative of %s refused: it is no input", name);
-        if (!isfinite(value[i])) REFUSE("derivative of %s refused: a finite number is needed", name);
-    }
-    for (size_t i = 0; i < n; i++) m->state.slope[INPUT_OF[vr[i]]] = value[i];
-    return OK;
-}
-
 /* --- steps ---------------------------------------------------------------------------------------------------------- */
 
-/* How far from `time` another time may lie to count as the same [s]: hosts add up their steps. */
-static double slack(double time) { return 1e-10 + 1e-9 * fabs(time); }
+static const double MOST_STEPS = 1e9; /* of the twin's own in one communication step: minutes of work */
+
+/* How far from the last communication point, at `time`, a step may begin [s]: a thousandth of it, and what the host's clock
+   rounds off, be it of double or of single precision. A tenth of a step is never rounding. */
+static double slack(double time, double step) {
+    const double single = 0x1p-23 * fabs(time), most = 0.1 * step;
+    return 1e-3 * step + (single < most ? single : most) + 0x1p-50 * fabs(time);
+}
+
+/* An input that its slope takes out of its range within a step, by more than rounding; NULL if there is none. */
+static const Variable *ramped_beyond(const State *s, double step) {
+    for (size_t i = 0; i < N_INPUTS; i++) {
+        const Variable *input = &VARIABLES[INPUTS[i]];
+        const double end = s->v[INPUTS[i]] + s->slope[i] * step, rounding = 1e-9 * (input->maximum - input->minimum);
+        if (end < input->minimum - rounding || end > input->maximum + rounding) return input;
+    }
+    return NULL;
+}
 
 Outcome instance_step(Instance *m, double time, double step) {
     State *s = &m->state;
-    const double end = time + step;
-#define DISCARD(...)                                                                                               \
-    return s->last = instance_tell(m, DISCARDED, "step from %.15g s over %.15g s discarded: " __VA_ARGS__)
-    if (!(isfinite(time) && isfinite(step))) DISCARD("time and step must be finite", time, step);
-    if (step <= 0.0) DISCARD("a step of more than 0 s is needed", time, step);
-    if (fabs(time - s->point) > slack(s->point))
-        DISCARD("it does not follow the last communication point, %.15g s", time, step, s->point);
+    const double end = time + step, inner = s->x[CLOCK_STEP];
+#define REFUSE_STEP(...)                                                                                           \
+    return s->last = instance_tell(m, ERROR, "step from %.15g s over %.15g s refused: " __VA_ARGS__)
+    if (!(isfinite(time) && isfinite(end))) REFUSE_STEP("time and step must be finite", time, step);
+    if (step <= 0.0) REFUSE_STEP("a step of more than 0 s is needed", time, step);
+    if (fabs(time - s->point) > slack(s->point, step))
+        REFUSE_STEP("it does not follow the last communication point, %.15g s", time, step, s->point);
     if (end <= s->point)
-        DISCARD("it is too short: it would end at %.15g s, and the FMU is at %.15g s", time, step, end, s->point);
-    if (end > s->stop + slack(s->stop))
-        DISCARD("it would end at %.15g s, after the stop time %.15g s", time, step, end, s->stop);
-    for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE_OF[i]] = s->slope[i];
+        REFUSE_STEP("it is too short: it would end at %.15g s, and the FMU is at %.15g s", time, step, end, s->point);
+    if (end > s->stop && end > s->stop + slack(s->stop, step))
+        REFUSE_STEP("it would end at %.15g s, after the stop time %.15g s", time, step, end, s->stop);
+    if (step > MOST_STEPS * inner)
+        REFUSE_STEP("it takes %.6g steps of %.6g s within the FMU, and %.6g are the most", time, step, step / inner, inner,
+                    MOST_STEPS);
+    if (s->ramps) {
+        const Variable *beyond = ramped_beyond(s, step);
+        if (beyond)
+            REFUSE_STEP("%s would ramp out of its range, %.15g to %.15g", time, step, beyond->name, beyond->minimum,
+                        beyond->maximum);
+        for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE_OF[i]] = s->slope[i];
+    }
     s->status = ema_advance(s->v, s->x, end - s->start);
-    memset(s->slope, 0, sizeof s->slope);
+    if (s->ramps) {
+        for (size_t i = 0; i < N_INPUTS; i++) s->x[SLOPE_OF[i]] = 0.0;
+        memset(s->slope, 0, sizeof s->slope);
+        s->ramps = 0;
+    }
     if (s->status) {
         s->mode = FAILED;
         s->last = ERROR;

@@ -22,14 +22,14 @@
 
 typedef enum { /* numbered as the status codes of every version of FMI, so that an adapter's translation costs nothing */
     OK = 0,
-    DISCARDED = 2, /* a step was not taken */
+    DISCARDED = 2, /* a value was not taken */
     ERROR = 3
 } Outcome;
 
 typedef enum { /* where an instance is in its life; bits, so that an adapter can name sets of them */
     INSTANTIATED = 1,
     INITIALIZING = 2,
-    RUNNING = 4, /* initialized; a discarded step leaves it, for nothing has moved */
+    RUNNING = 4, /* initialized; a refused step leaves it, for nothing has moved */
     TERMINATED = 8,
     FAILED = 16,
     ANY = 31
@@ -60,7 +60,7 @@ void instance_free(Instance *m);
 /* Back to where instance_create left it; what is logged stays. */
 void instance_reset(Instance *m);
 
-/* Times in seconds; NULL for a tolerance or a stop time that is not given. */
+/* Times in seconds; NULL for a stop time, or a tolerance, that is not given: then there is none, or it is the default. */
 Outcome instance_set_experiment(Instance *m, const double *tolerance, double start, const double *stop);
 
 void instance_enter_initialization(Instance *m);
@@ -81,7 +81,7 @@ Outcome instance_refuse_in_mode(const Instance *m, const char *function);
 /* Logs why there is no instance. */
 void host_tell(const Host *host, const char *name, const char *format, ...) PRINTF(3, 4);
 
-/* --- values: a call sets all of its values or none ------------------------------------------------------------------ */
+/* --- values: a call sets all of its values or none; DISCARDED if one is out of its range --------------------------- */
 
 Outcome instance_get_double(Instance *m, const Reference vr[], size_t n, double value[]); /* Real */
 Outcome instance_get_int32(Instance *m, const Reference vr[], size_t n, int32_t value[]); /* Integer */
@@ -98,7 +98,7 @@ Outcome instance_set_slope(Instance *m, const Reference vr[], size_t n, const do
 
 /* --- steps ---------------------------------------------------------------------------------------------------------- */
 
-/* From the communication point `time` over `step` [s]. */
+/* From the communication point `time` over `step` [s]; the instance is then at time + step. */
 Outcome instance_step(Instance *m, double time, double step);
 
 Outcome instance_last_outcome(const Instance *m); /* of instance_step */

@@ -1,20 +1,20 @@
 """Compiles and links the shared libraries of a native FMU."""
 
 import json
-import math
 import os
-import struct
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 
 import fmpy
 
 from ... import ports
-from ...twins import SLOPES, STALE, TOLERANCE, TWINS, Status
-from ..description import CATEGORIES
+from ...twins import CLOCK, NEVER, SLOPES, STALE, TOLERANCE, TWINS, Status
+from ..description import CATEGORIES, DEFAULT_TOLERANCE
+from . import macho
 from .emit import ENVIRONMENT
 from .targets import PLATFORMS, Target
 
@@ -26,37 +26,35 @@ FLAGS = (
     "-Wall",
     "-Wextra",
     "-Werror",
-    "-shared",
-    "-s",
     "-g0",
 )
 """No contraction: a*b + c, rounded once on one platform and twice on another, would make their results differ."""
-LINUX_FLAGS = ("-fPIC", "-Wl,-z,defs", "-Wl,--build-id=none")
+LINUX_LINK = ("-Wl,-z,defs", "-Wl,--build-id=none")
 """No undefined symbols except those of the C library; nothing that differs from build to build."""
-C_FILES = ("instance.c", "saved.c", "fmi2.c")
+C_FILES = ("instance.c", "values.c", "saved.c", "fmi2.c")
 """Compiled as one translation unit: calls between the files would cost 2 to 8 % of a communication step of ELF+ and LF."""
-FAT_MAGIC, FAT_ALIGN = 0xCAFEBABE, 14
-MAC_CPU = {"x86_64": (0x01000007, 3), "arm64": (0x0100000C, 0)}
-"""Mach-O's cputype and cpusubtype of each processor."""
 
 
 def header(model: str, guid: str) -> str:
-    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes and messages, and the FMU's GUID."""
+    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes, clock and messages, and the FMU's GUID."""
 
-    def number(value: float | None, unbounded: str) -> str:
-        return unbounded if value is None or math.isinf(value) else float(value).hex()
+    def number(value: float | None, unbounded: str = "") -> str:
+        return unbounded if value is None else float(value).hex()
 
     def table(kind: str, name: str, entries: Iterable[object]) -> str:
         return f"static const {kind} {name}[] = {{{', '.join(map(str, entries))}}};"
 
     inputs = [variable.name for variable in ports.INPUTS]
     lines = [
+        "#include <float.h>",
         f"#define MODEL {json.dumps(f'EMA_{model}')}",
         f"#define GUID {json.dumps(guid)}",
         f"enum {{ N_VARIABLES = {len(ports.VARIABLES)}, N_INPUTS = {len(inputs)} }};",
         f"enum {{ N_STATES = {TWINS[model].n_states}, N_STATUS = {len(Status)} }};",
         f"enum {{ STALE = {STALE}, TOLERANCE = {TOLERANCE} }};",
         f"enum {{ {', '.join(f'STATUS_{status.name} = {status.value}' for status in Status)} }};",
+        f"#define DEFAULT_TOLERANCE {number(DEFAULT_TOLERANCE)}",
+        *_clock(TWINS[model].tick),
         "enum { REAL, INTEGER, BOOLEAN, STRING };",
         "enum { INPUT, OUTPUT, LOCAL, PARAMETER };",
         "typedef struct { const char *name; int kind, causality, fixed; double minimum, maximum, start; } Variable;",
@@ -65,20 +63,37 @@ def header(model: str, guid: str) -> str:
         "static const Variable VARIABLES[] = {",
     ]
     for variable in ports.VARIABLES:
-        low, high = number(variable.minimum, "-INFINITY"), number(variable.maximum, "INFINITY")
-        start = number(variable.start_for(model), "")
-        kind, causality, fixed = variable.kind.upper(), variable.causality.upper(), int(variable.variability == "fixed")
-        lines.append(f'    {{"{variable.name}", {kind}, {causality}, {fixed}, {low}, {high}, {start}}},')
+        low, high = number(variable.minimum, "-DBL_MAX"), number(variable.maximum, "DBL_MAX")
+        causality, fixed = variable.causality.upper(), int(variable.variability == "fixed")
+        start = number(variable.start_for(model))
+        lines.append(f'    {{"{variable.name}", {_kind(variable)}, {causality}, {fixed}, {low}, {high}, {start}}},')
+    kinds = [_kind(variable) for variable in ports.VARIABLES]
     numbers = {name: number for number, name in enumerate(inputs)}
     lines += [
         "};",
-        table("unsigned char", "KIND_OF", (variable.kind.upper() for variable in ports.VARIABLES)),
+        table("unsigned char", "KIND_OF", kinds),
+        "/* how many variables of one kind follow one another, by the value reference of the first */",
+        table("unsigned short", "RUN_OF", (left for _, run in groupby(kinds) for left in range(len(list(run)), 0, -1))),
         "/* the number of an input among the inputs, by value reference; -1: it is none */",
         table("short", "INPUT_OF", (numbers.get(variable.name, -1) for variable in ports.VARIABLES)),
+        table("unsigned", "INPUTS", (ports.INDEX[name] for name in inputs)),
         f"enum {{ {', '.join(CATEGORIES)}, N_CATEGORIES }};",
         table("char *const", "CATEGORIES", map(json.dumps, CATEGORIES)),
     ]
     return "\n".join([*lines, ""])
+
+
+def _kind(variable: ports.Variable) -> str:
+    """The type in C: FMI 2.0 gets and sets an Enumeration as an Integer."""
+    return "INTEGER" if variable.kind == "Enumeration" else variable.kind.upper()
+
+
+def _clock(tick: str) -> list[str]:
+    """Where the twin's clock lies in a State, and how long a tick of it is: as the port `tick`, if one is given."""
+    places = ", ".join(f"CLOCK_{name.upper()} = {place}" for name, place in CLOCK.items())
+    length = f"v[{ports.INDEX[tick]}]" if tick else "x[CLOCK_STEP]"
+    never = f"#define NEVER {float(NEVER).hex()}"
+    return [f"enum {{ {places} }};", f"#define TICK_LENGTH(state) ((state)->{length})", never]
 
 
 def _run(command: Sequence[str], *, environment: Mapping[str, str] | None = None) -> None:
@@ -101,30 +116,26 @@ def _emit(model: str, targets: Sequence[Target], scratch: Path) -> None:
     )
 
 
+def _zig(*words: str) -> None:
+    _run([sys.executable, "-m", "ziglang", *words])
+
+
 def _link(model: str, target: Target, scratch: Path, name: str) -> bytes:
     folder = scratch / target.zig
     folder.mkdir()
-    whole = folder / "whole.c"
+    whole, compiled, linked = folder / "whole.c", folder / "whole.o", folder / name
     whole.write_text("".join(f'#include "{file}"\n' for file in C_FILES))
-    elf = LINUX_FLAGS if "linux" in target.zig else ()
     standard = Path(fmpy.__file__).parent / "c-code"  # FMI's own headers
     include = [word for path in (Path(__file__).parent, standard, scratch) for word in ("-I", str(path))]
-    parts = (str(whole), str(scratch / f"{model}-{target.triple}.o"), "-o", str(folder / name))
-    _run([sys.executable, "-m", "ziglang", "cc", "-target", target.zig, *FLAGS, *elf, *include, *parts])
-    return (folder / name).read_bytes()
-
-
-def _universal(slices: Mapping[str, bytes]) -> bytes:
-    """A universal Mach-O binary (mach-o/fat.h) of one binary for each processor, processor -> content."""
-    head = struct.pack(">II", FAT_MAGIC, len(slices))
-    body = b""
-    offset = 1 << FAT_ALIGN
-    for name, content in slices.items():
-        padded = content + bytes(-len(content) % (1 << FAT_ALIGN))
-        head += struct.pack(">5I", *MAC_CPU[name], offset, len(content), FAT_ALIGN)
-        body += padded
-        offset += len(padded)
-    return head.ljust(1 << FAT_ALIGN, b"\0") + body
+    position = () if "windows" in target.zig else ("-fPIC",)
+    _zig("cc", "-target", target.zig, *FLAGS, *position, *include, "-c", str(whole), "-o", str(compiled))
+    objects = (str(compiled), str(scratch / f"{model}-{target.triple}.o"))
+    if "macos" in target.zig:
+        _zig(*macho.link(target, name, folder), *objects)
+    else:
+        own = LINUX_LINK if "linux" in target.zig else ()
+        _zig("cc", "-target", target.zig, "-shared", "-s", *own, *objects, "-o", str(linked))
+    return linked.read_bytes()
 
 
 def libraries(model: str, guid: str, platforms: Sequence[str], *, scratch: Path) -> dict[str, bytes]:
@@ -141,7 +152,9 @@ def libraries(model: str, guid: str, platforms: Sequence[str], *, scratch: Path)
     found = {}
     for platform in chosen:
         name = f"EMA_{model}{platform.suffix}"
-        linked = {target.triple.split("-")[0]: _link(model, target, scratch, name) for target in platform.targets}
-        content = _universal(linked) if len(linked) > 1 else next(iter(linked.values()))
+        linked = {target: _link(model, target, scratch, name) for target in platform.targets}
+        slices = {target.triple.split("-")[0]: content for target, content in linked.items()}
+        content = macho.universal(slices) if len(slices) > 1 else next(iter(slices.values()))
         found[f"binaries/{platform.folder}/{name}"] = content
+        found |= {f"binaries/{folder}/{name}": linked[target] for folder, target in platform.beside.items()}
     return found

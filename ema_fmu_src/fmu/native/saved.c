@@ -30,8 +30,55 @@ static const char *foreign(const Saved *saved) {
     if (memcmp(saved->magic, MAGIC, sizeof MAGIC) != 0 || saved->size != sizeof *saved)
         return "it is none of this software's";
     if (strncmp(saved->guid, GUID, sizeof saved->guid) != 0) return "it is of another FMU";
-    if (saved->checksum != checksum(&saved->state) || saved->state.status < 0 || saved->state.status >= N_STATUS)
-        return "it is damaged";
+    if (saved->checksum != checksum(&saved->state)) return "it is damaged";
+    return NULL;
+}
+
+static bool all_finite(const double values[], size_t n) {
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(values[i])) return false;
+    return true;
+}
+
+static bool is_count(double value, double least, double most) {
+    return value >= least && value <= most && value == (double)(int64_t)value;
+}
+
+/* Whether a twin that has started could have such a clock: a step of it ends, and ends where its host wants it. */
+static bool is_clock(const State *s) {
+    static const double MOST_TICKS = 0x1p52; /* a double counts to twice as many */
+    const double *x = s->x, step = x[CLOCK_STEP], tick = TICK_LENGTH(s), point = x[CLOCK_POINT];
+    if (!(step > 0.0 && is_count(x[CLOCK_PER_SAMPLE], 1.0, INT32_MAX) && is_count(x[CLOCK_TICK], 0.0, MOST_TICKS)))
+        return false;
+    if (!(step <= tick * (1.0 + 1e-9) && step * x[CLOCK_PER_SAMPLE] >= tick * (1.0 - 1e-9))) return false;
+    const double ahead = x[CLOCK_NEXT_SAMPLE] - x[CLOCK_TICK]; /* NEVER in a twin that does not sample */
+    if (!is_count(ahead, 0.0, x[CLOCK_PER_SAMPLE]) && x[CLOCK_NEXT_SAMPLE] != NEVER) return false;
+    if (!is_count(x[CLOCK_PENDING], 0.0, 1.0) || !is_count(x[CLOCK_RAMPED], 0.0, 1.0))
+        return false;
+    const double behind = point - (x[CLOCK_TICK] * tick + x[CLOCK_OFFSET]), close = 1e-3 * tick + 0x1p-50 * point;
+    return point == s->point - s->start && x[CLOCK_OFFSET] >= -close && x[CLOCK_OFFSET] <= tick + close &&
+           behind >= -close && behind <= tick + close;
+}
+
+/* Why no instance can have got into the state; NULL if one can. Who forges a state must not make a call hang. */
+static const char *unsound(const State *s) {
+    const int mode = s->mode;
+    if (mode != INSTANTIATED && mode != INITIALIZING && mode != RUNNING && mode != TERMINATED && mode != FAILED)
+        return "it has no mode";
+    if (s->status < 0 || s->status >= N_STATUS || s->fresh < 0 || s->fresh > 1 || (s->last != OK && s->last != ERROR))
+        return "it has no status";
+    if (!(isfinite(s->start) && isfinite(s->point) && s->point >= s->start && s->stop >= s->start))
+        return "its times are none";
+    if (!(s->tolerance > 0.0 && isfinite(s->tolerance)) || !all_finite(s->slope, N_INPUTS))
+        return "its tolerance or its slopes are none";
+    for (size_t i = 0; i < N_VARIABLES; i++)
+        if (is_settable(&VARIABLES[i]) &&
+            !(in_range(&VARIABLES[i], s->v[i]) && (KIND_OF[i] == REAL || is_count(s->v[i], INT32_MIN, INT32_MAX))))
+            return "a variable is out of its range";
+    if (mode == RUNNING || mode == TERMINATED) {
+        if (!all_finite(s->v, N_VARIABLES) || !all_finite(s->x, N_STATES)) return "a number in it is not finite";
+        if (!is_clock(s)) return "its clock is none";
+    }
     return NULL;
 }
 
@@ -58,6 +105,8 @@ Outcome instance_save(const Instance *m, SavedState *place) {
 Outcome instance_restore(Instance *m, SavedState state) {
     const Saved *saved = state;
     REFUSE_FOREIGN(saved);
+    const char *problem = unsound(&saved->state);
+    if (problem) REFUSE("the FMU state is refused: %s; nothing changed", problem);
     m->state = saved->state;
     return OK;
 }
@@ -92,6 +141,7 @@ Outcome instance_deserialise(const Instance *m, const void *bytes, size_t size, 
     Saved copy;
     memcpy(&copy, bytes, sizeof copy);
     const char *problem = foreign(&copy);
+    if (!problem) problem = unsound(&copy.state);
     if (problem) REFUSE("the serialised FMU state is refused: %s", problem);
     Saved *saved = m->host.allocate(1, sizeof *saved);
     if (!saved) REFUSE("no memory for an FMU state");

@@ -2,7 +2,8 @@
 
 import platform
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -17,11 +18,15 @@ class Target:
 
 @dataclass(frozen=True)
 class Platform:
-    """One binary in an FMU: its folder under binaries/, its suffix, and its targets (two in a universal binary)."""
+    """One binary in an FMU: its folder under binaries/, its suffix, and its targets (two in a universal binary).
+
+    `beside`: folders that hold the binary of one of the targets alone.
+    """
 
     folder: str
     suffix: str
     targets: tuple[Target, ...]
+    beside: Mapping[str, Target] = field(default_factory=dict)
 
 
 LINUX_X86 = Target("x86_64-unknown-linux-gnu", "x86_64-linux-gnu.2.17")
@@ -34,10 +39,10 @@ PLATFORMS = {
     "linux64": Platform("linux64", ".so", (LINUX_X86,)),
     "linux-arm64": Platform("aarch64-linux", ".so", (LINUX_ARM,)),
     "win64": Platform("win64", ".dll", (WINDOWS_X86,)),
-    "darwin64": Platform("darwin64", ".dylib", (MAC_X86, MAC_ARM)),
+    "darwin64": Platform("darwin64", ".dylib", (MAC_X86, MAC_ARM), {"aarch64-darwin": MAC_ARM}),
 }
-"""By their names for `ema build --platform`. The folders are those of FMI 2.0, except for Linux on arm64, for which only
-FMI 3.0 has one (section 2.5.1.1)."""
+"""By their names for `ema build --platform`. The folders are those of FMI 2.0, except those for arm64, for which only FMI
+3.0 has any (section 2.5.1.1); on a Mac, importers look into either."""
 
 
 def host() -> str:

@@ -20,13 +20,12 @@ from pythonfmu.enums import Fmi2Status
 from pythonfmu.variables import Boolean, Integer, Real
 
 from ... import ports
-from ...twins import STALE, TOLERANCE, TWINS
+from ...twins import CLOCK, STALE, TOLERANCE, TWINS
 from .. import description
+from . import checks
 
-KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean}
-FOLLOWS_RELATIVE, FOLLOWS = 1e-9, 1e-10
-"""A communication point this close to the end of the last step, relative and in seconds, follows it: hosts add up their
-steps, and are off by some 1e-12 s."""
+KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "Enumeration": Integer}
+"""pythonfmu knows no Enumeration, which FMI 2.0 gets and sets as an Integer; the model description is our own."""
 CAPABILITIES = {
     "canHandleVariableCommunicationStepSize": True,
     "canNotUseMemoryManagementFunctions": True,
@@ -35,15 +34,15 @@ CAPABILITIES = {
 }
 
 
-def _close(time: float) -> float:
-    """How far from `time` another time may lie to count as the same [s]."""
-    return FOLLOWS + FOLLOWS_RELATIVE * abs(time)
-
-
 def _yield_import_path(folder: str | None) -> None:
     """Move the FMU's folder, which pythonfmu puts first on sys.path, to its end: the host's own modules come first."""
     if folder in sys.path:
         sys.path[:] = [entry for entry in sys.path if entry != folder] + [folder]
+
+
+def _is(kind: str, reference: int) -> bool:
+    """Whether there is a variable with this value reference, of the class of pythonfmu's `kind`."""
+    return 0 <= reference < len(ports.VARIABLES) and KINDS[ports.VARIABLES[reference].kind] is KINDS[kind]
 
 
 class Slave(Fmi2Slave):
@@ -67,7 +66,7 @@ class Slave(Fmi2Slave):
         self._failed = ""  # why no step is possible any more
         self._start = self._point = 0.0
         self._stop = math.inf
-        self._tolerance = 0.0
+        self._tolerance = description.DEFAULT_TOLERANCE
         for variable in ports.VARIABLES:
             self.register_variable(
                 KINDS[variable.kind](
@@ -100,11 +99,11 @@ class Slave(Fmi2Slave):
 
     def _set(self, kind: str, references: Sequence[int], values: Sequence[float]) -> None:
         for reference, value in zip(references, values, strict=True):
-            if not 0 <= reference < len(ports.VARIABLES) or ports.VARIABLES[reference].kind != kind:
+            if not _is(kind, reference):
                 self._refuse(f"value reference {reference} is no {kind} variable of {self.modelName}")
                 continue
             variable = ports.VARIABLES[reference]
-            problem = self._problem(variable, float(value))
+            problem = checks.value_problem(variable, float(value), self._mode)
             if problem:
                 self._refuse(f"{variable.name} = {value} refused: {problem}; it stays {self._v[reference]}")
                 continue
@@ -113,26 +112,12 @@ class Slave(Fmi2Slave):
             if variable.causality == "parameter":
                 self._x[STALE] = 1.0
 
-    def _problem(self, variable: ports.Variable, value: float) -> str:
-        """Why `variable` cannot be set to `value` now; empty if it can."""
-        if variable.causality not in ("input", "parameter"):
-            return f"it is a variable of causality {variable.causality}, which only the FMU sets"
-        if not math.isfinite(value):
-            return "a finite number is needed"
-        if variable.minimum is not None and value < variable.minimum:
-            return f"it is less than the minimum {variable.minimum}"
-        if variable.maximum is not None and value > variable.maximum:
-            return f"it is more than the maximum {variable.maximum}"
-        if variable.variability == "fixed" and self._mode == "running":
-            return "a fixed parameter cannot change after initialization"
-        return ""
-
     def _get(self, kind: str, references: Sequence[int]) -> list[float]:
         if self._mode == "initializing" and not self._fresh:
             self._initialize()
         values = []
         for reference in references:
-            if not 0 <= reference < len(ports.VARIABLES) or ports.VARIABLES[reference].kind != kind:
+            if not _is(kind, reference):
                 self._refuse(f"value reference {reference} is no {kind} variable of {self.modelName}")
                 values.append(0.0)
             else:
@@ -170,9 +155,9 @@ class Slave(Fmi2Slave):
         if tolerance is not None and not 0.0 < tolerance < math.inf:
             self._refuse(f"tolerance {tolerance} refused: a number above 0 is needed")
             return
-        self._start = self._point = start_time
-        self._stop = math.inf if stop_time is None else stop_time
-        self._tolerance = tolerance or 0.0
+        self._start = self._point = float(start_time)
+        self._stop = math.inf if stop_time is None else float(stop_time)
+        self._tolerance = description.DEFAULT_TOLERANCE if tolerance is None else tolerance
 
     def enter_initialization_mode(self) -> None:
         self._mode = "initializing"
@@ -208,22 +193,12 @@ class Slave(Fmi2Slave):
             )
         return not problem
 
-    def _step_problem(self, current_time: float, step_size: float) -> str:
+    def _step_problem(self, time: float, step: float) -> str:
         """Why a step cannot be taken; empty if it can."""
         if self._mode != "running":
             return "the FMU has not been initialized"
-        if not (math.isfinite(current_time) and math.isfinite(step_size)):
-            return "time and step must be finite"
-        if step_size <= 0.0:
-            return f"the step size is {step_size} s, more than 0 s is needed"
-        if abs(current_time - self._point) > _close(self._point):
-            return f"the communication point {current_time} s does not follow the last one, {self._point} s"
-        end = current_time + step_size
-        if end <= self._point:
-            return f"it is too short: it would end at {end} s, and the FMU is at {self._point} s"
-        if end > self._stop + _close(self._stop):
-            return f"it would end at {end} s, after the stop time {self._stop} s"
-        return ""
+        inner = float(self._x[CLOCK["step"]])
+        return checks.step_problem(time, step, point=self._point, stop=self._stop, inner=inner)
 
     # --- state ------------------------------------------------------------------------------------------------------
 
@@ -232,7 +207,7 @@ class Slave(Fmi2Slave):
             "twin": [self.model, self.sources],
             "v": self._v.tolist(),
             "x": self._x.tolist(),
-            "clock": [self._start, self._point, None if math.isinf(self._stop) else self._stop, self._tolerance],
+            "clock": [self._start, self._point, self._stop, self._tolerance],
             "mode": [self._mode, self._refused, self._failed, self._fresh],
         }
 
@@ -240,10 +215,13 @@ class Slave(Fmi2Slave):
         if state.get("twin") != [self.model, self.sources]:
             self._refuse(f"the FMU state is of {state.get('twin')}, not of {[self.model, self.sources]}; nothing changed")
             return
+        problem = checks.state_problem(self._twin, state)
+        if problem:
+            self._refuse(f"the FMU state is refused: {problem}; nothing changed")
+            return
         self._v[:] = state["v"]
         self._x[:] = state["x"]
-        self._start, self._point, stop, self._tolerance = state["clock"]
-        self._stop = math.inf if stop is None else stop
+        self._start, self._point, self._stop, self._tolerance = state["clock"]
         self._mode, self._refused, self._failed, self._fresh = state["mode"]
 
     @staticmethod
