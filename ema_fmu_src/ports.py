@@ -253,13 +253,11 @@ VARIABLES: tuple[Variable, ...] = (
     # appended since version 0.1: value references that exist never move
     _output("end_stop_torque", "N.m", "Torque of the end stops on the motor shaft, mean over the last communication step"),
     _output("voltage_saturated_real", "1", "voltage_saturated as a Real, 0 or 1, for hosts that read Reals only"),
-    _parameter(
+    _choice(
         "fault.eccentricity_law",
-        "1",
-        1,
-        (1, 2),
-        "Cosine of the eccentricity: 1 shifted with the phase, 2 common to all phases",
-        kind="Integer",
+        "shifted",
+        {"shifted": 1, "common": 2},
+        "Cosine of the eccentricity in phases b and c: shifted with the phase, or common to all phases",
     ),
 )
 

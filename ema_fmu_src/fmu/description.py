@@ -24,7 +24,7 @@ CATEGORIES = {
 }
 
 _ANGLE = ("initial.motor_position", "mechanics.end_stop", "gear.ratio", "gear.backlash", "fault.backlash")
-_FIELD = (*_ANGLE, "motor.p", "motor.K_e", "fault.magnet", "fault.zeta", "fault.phi")
+_FIELD = (*_ANGLE, "motor.p", "motor.K_e", "fault.magnet", "fault.zeta", "fault.phi", "fault.eccentricity_law")
 _CURRENTS = ("initial.phase_current_a", "initial.phase_current_b")
 INITIAL_DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "position": (*_ANGLE, "initial.position"),

@@ -24,6 +24,7 @@ from importlib import import_module
 from typing import Any
 
 from ..fidelities import FIDELITIES, MODELS
+from . import host
 from .host import NEVER, SLOPES, clock, partial, told
 from .status import Status
 
@@ -31,7 +32,11 @@ __all__ = ["CLOCK", "NEVER", "SLOPES", "STALE", "TOLERANCE", "TWINS", "Status", 
 
 STALE: int = told.stale
 TOLERANCE: int = told.tolerance
-CLOCK: dict[str, int] = {**clock._asdict(), "pending": partial.pending, "ramped": partial.ramped}
+CLOCK: dict[str, int] = {
+    **{state.name: getattr(clock, state.name) for state in host.CLOCK},
+    "pending": partial.pending,
+    "ramped": partial.ramped,
+}
 """Place in `x` of each state of a twin's clock (twins/host.py), and of two flags (0 or 1) of its last partial step."""
 
 
