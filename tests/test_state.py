@@ -155,6 +155,7 @@ def forged(data: bytes, word: int, value: float) -> bytes:
         ("experiment.stop", math.nan, "times"),
         ("experiment.tolerance", 0.0, "tolerance"),
         ("experiment.slope", math.nan, "slopes"),
+        ("experiment.slope", 1.0, "slopes"),
         ("solver.step", 1e-300, "range"),
         ("controller.period", math.nan, "range"),
         ("motor.p", 2.5, "range"),

@@ -17,8 +17,8 @@ GENERATED = "2026-01-01T00:00:00Z"
 """Fixed, so that the same sources give the same FMU byte for byte."""
 CATEGORIES = {
     "logStatusWarning": "Something is unusual; the FMU continues",
-    "logStatusDiscard": "A step was refused, and why",
-    "logStatusError": "A value or a call was refused, and why",
+    "logStatusDiscard": "A value was refused (python runtime: a step), and why",
+    "logStatusError": "A step or a call was refused, and why",
     "logStatusFatal": "The FMU cannot continue, and why",
     "logAll": "All messages",
 }

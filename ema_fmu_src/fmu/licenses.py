@@ -52,5 +52,5 @@ def native(platforms: Sequence[str]) -> dict[str, bytes]:
 
 def python() -> dict[str, bytes]:
     """Of an FMU with the python runtime, whose binaries are pythonfmu's."""
-    texts = [file.read_text() for file in distribution("pythonfmu").files or () if file.name == "LICENSE"]
-    return _members({"pythonfmu.txt": "\n".join(texts)})
+    text = next(file.read_text() for file in distribution("pythonfmu").files or () if file.name == "LICENSE")
+    return _members({"pythonfmu.txt": text})

@@ -139,6 +139,7 @@ static double slack(double time, double step) {
 /* An input that its slope takes out of its range within a step, by more than rounding; NULL if there is none. */
 static const Variable *ramped_beyond(const State *s, double step) {
     for (size_t i = 0; i < N_INPUTS; i++) {
+        if (s->slope[i] == 0.0) continue;
         const Variable *input = &VARIABLES[INPUTS[i]];
         const double end = s->v[INPUTS[i]] + s->slope[i] * step, rounding = 1e-9 * (input->maximum - input->minimum);
         if (end < input->minimum - rounding || end > input->maximum + rounding) return input;

@@ -29,8 +29,8 @@ FLAGS = (
     "-g0",
 )
 """No contraction: a*b + c, rounded once on one platform and twice on another, would make their results differ."""
-LINUX_LINK = ("-Wl,-z,defs", "-Wl,--build-id=none")
-"""No undefined symbols except those of the C library; nothing that differs from build to build."""
+LINK = {"linux": ("-Wl,-z,defs", "-Wl,--build-id=none"), "windows": ("-Wl,-Brepro",)}
+"""No undefined symbols except those of the C library; nothing that differs from build to build, as a time would."""
 C_FILES = ("instance.c", "values.c", "saved.c", "fmi2.c")
 """Compiled as one translation unit: calls between the files would cost 2 to 8 % of a communication step of ELF+ and LF."""
 
@@ -127,14 +127,14 @@ def _link(model: str, target: Target, scratch: Path, name: str) -> bytes:
     whole.write_text("".join(f'#include "{file}"\n' for file in C_FILES))
     standard = Path(fmpy.__file__).parent / "c-code"  # FMI's own headers
     include = [word for path in (Path(__file__).parent, standard, scratch) for word in ("-I", str(path))]
-    position = () if "windows" in target.zig else ("-fPIC",)
+    system = target.zig.split("-")[1].partition(".")[0]
+    position = () if system == "windows" else ("-fPIC",)
     _zig("cc", "-target", target.zig, *FLAGS, *position, *include, "-c", str(whole), "-o", str(compiled))
     objects = (str(compiled), str(scratch / f"{model}-{target.triple}.o"))
-    if "macos" in target.zig:
+    if system == "macos":
         _zig(*macho.link(target, name, folder), *objects)
     else:
-        own = LINUX_LINK if "linux" in target.zig else ()
-        _zig("cc", "-target", target.zig, "-shared", "-s", *own, *objects, "-o", str(linked))
+        _zig("cc", "-target", target.zig, "-shared", "-s", *LINK[system], *objects, "-o", str(linked))
     return linked.read_bytes()
 
 

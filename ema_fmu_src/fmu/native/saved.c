@@ -69,8 +69,10 @@ static const char *unsound(const State *s) {
         return "it has no status";
     if (!(isfinite(s->start) && isfinite(s->point) && s->point >= s->start && s->stop >= s->start))
         return "its times are none";
-    if (!(s->tolerance > 0.0 && isfinite(s->tolerance)) || !all_finite(s->slope, N_INPUTS))
-        return "its tolerance or its slopes are none";
+    if (!(s->tolerance > 0.0 && isfinite(s->tolerance))) return "its tolerance is none";
+    for (size_t i = 0; i < N_INPUTS; i++)
+        if (!isfinite(s->slope[i]) || (s->slope[i] != 0.0 && !s->ramps) || s->x[SLOPE + i] != 0.0)
+            return "its slopes are none";
     for (size_t i = 0; i < N_VARIABLES; i++)
         if (is_settable(&VARIABLES[i]) &&
             !(in_range(&VARIABLES[i], s->v[i]) && (KIND_OF[i] == REAL || is_count(s->v[i], INT32_MIN, INT32_MAX))))
