@@ -44,6 +44,14 @@ def test_friction_depends_on_load_and_direction():
     assert mechanics.load_friction(-2.0, -1.0, friction) == pytest.approx(0.5)
 
 
+def test_the_slowest_speed_stops_at_zero_before_it_turns():
+    """Borello: what crosses zero sticks, and at the least speed a double can hold its product with the next is 0."""
+    friction = mechanics.Friction(0.06, 0.03, loss_opposing=0.0, loss_aiding=0.0, C=0.0)
+    for speed in (5e-324, 1e-170, 1e-3):
+        assert mechanics.rotor(speed, 0.0, 0.0, friction, 1e-5, 1e-5)[0] == 0.0
+        assert mechanics.rotor(-speed, 0.0, 0.0, friction, 1e-5, 1e-5)[0] == 0.0
+
+
 def test_play_draws_its_hysteresis_loop():
     """Analytic: under x = A*sin the loop of a play of width b is a parallelogram of width b and height 2*A - b."""
     A, b = 1.0, 0.3

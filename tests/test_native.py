@@ -10,6 +10,7 @@ from flight import Flight
 from fmi import DISCARD, ERROR, STEP, Instance, refused
 
 from ema_fmu_src import ports
+from ema_fmu_src.twins import SLOPES
 
 POSITION = ports.INDEX["position"]
 
@@ -156,8 +157,8 @@ def test_ramps_are_the_kernels_ramps(open_fmu: Callable[..., Instance], model: s
         fine.set("command", slope * k * STEP)
         fine.fmu.setRealInputDerivatives([0], [1], [slope])
         fine.step(k * STEP)
-        flight.v[0] = slope * k * STEP
-        flight.x[1] = slope
+        flight.v[ports.INDEX["command"]] = slope * k * STEP
+        flight.x[SLOPES["command"]] = slope
         flight.to(k * STEP + STEP)
         assert fine.get("position") == flight["position"]
     for k in range(10):

@@ -12,6 +12,7 @@ from pathlib import Path
 from fmpy.validation import validate_fmu
 
 from .. import ports
+from ..fidelities import fmu_name
 from . import archive, crosscheck, description, documentation, image, licenses, markup, source, ssp
 from .native import library, targets
 
@@ -25,11 +26,6 @@ NATIVE_CAPABILITIES = {
 SSP = "ema.ssp"
 RECORD = "resources/build.json"
 """Archive name of the record of what an FMU was built from."""
-
-
-def fmu_name(model: str) -> str:
-    """File name of the FMU of the twin `model` ("HF", "ELF" or "LF")."""
-    return f"EMA_{model}.fmu"
 
 
 def _content(model: str) -> dict[str, str]:

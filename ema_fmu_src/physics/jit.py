@@ -27,8 +27,8 @@ def _cache_dir() -> str:
 _CACHE_DIR = _cache_dir() if numba else ""
 
 OPTIONS = {"error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True}
-"""numba's, for kernels that are yet to be made. Called instead of inlined, the parts of HF's step would cost it half its
-speed; none is called back from C, and a way to do so would take time to compile."""
+"""numba's, for kernels that are yet to be made. Called instead of inlined, the parts of HF's step would take half as
+long again; none is called back from C, and a way to do so would take time to compile."""
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:

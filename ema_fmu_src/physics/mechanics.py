@@ -44,7 +44,7 @@ def rotor(w, T_m, T_L, friction, J, h):
     if direction < 0.0:
         T_f = -T_f
     w_new = w + h * (net - T_f - friction.C * w) / (J + 0.5 * h * friction.C)
-    if w * w_new < 0.0:
+    if (w > 0.0 and w_new < 0.0) or (w < 0.0 and w_new > 0.0):  # their product may underflow
         return 0.0, T_f
     return w_new, T_f
 

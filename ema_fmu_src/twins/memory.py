@@ -31,8 +31,10 @@ class Moving(NamedTuple):
 
 
 def namespace(name: str, values: Mapping[str, Any]) -> Any:
-    """Names for numbers, as a module: numba takes a module's attributes for constants. A named tuple it would build anew
-    wherever one of its fields is read, which doubles the time to compile."""
+    """Names for numbers, as a module: numba takes a module's attributes for constants.
+
+    A named tuple it would build anew wherever one of its fields is read: what reads many takes twice as long to compile.
+    """
     made = ModuleType(name)
     vars(made).update(values)
     return made

@@ -91,7 +91,7 @@ def emit(model: str, triples: list[str]) -> dict[str, bytes]:
 
     from ...physics import jit
 
-    jit.OPTIONS["no_cpython_wrapper"] = True  # nobody calls these kernels from Python: half the time
+    jit.OPTIONS["no_cpython_wrapper"] = True  # nobody calls these kernels from Python: a quarter of the time
     from ...twins import TWINS
 
     if getattr(config, "CPU_NAME", None) != ENVIRONMENT["NUMBA_CPU_NAME"]:
