@@ -71,7 +71,7 @@ static const char *unsound(const State *s) {
         return "its times are none";
     if (!(s->tolerance > 0.0 && isfinite(s->tolerance))) return "its tolerance is none";
     for (size_t i = 0; i < N_INPUTS; i++)
-        if (!isfinite(s->slope[i]) || (s->slope[i] != 0.0 && !s->ramps) || s->x[SLOPE + i] != 0.0)
+        if (!isfinite(s->slope[i]) || (s->slope[i] != 0.0 && !s->ramps) || s->x[SLOPE_OF[i]] != 0.0)
             return "its slopes are none";
     for (size_t i = 0; i < N_VARIABLES; i++)
         if (is_settable(&VARIABLES[i]) &&
