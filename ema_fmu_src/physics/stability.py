@@ -30,6 +30,14 @@ def for_driver(h, K_e, J, R):
 
 
 @kernel
+def for_turn(h, turning):
+    """The whole part of `h` [s] in which theta_e turns by no more than TURN at `turning` [rad/s]; 0 if it is below SHORTEST."""
+    if turning * h > TURN:
+        h = h / (int(turning * h / TURN) + 1) if turning * SHORTEST <= TURN else 0.0
+    return h
+
+
+@kernel
 def for_loop(h, gain, lag):
     """`h` [s], halved until gain*h*min(1, h/lag) is small: a loop of `gain` [1/s] closed over a lag [s]."""
     while h >= SHORTEST and gain * h * min(1.0, h / lag) > LOOP:

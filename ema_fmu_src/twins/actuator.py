@@ -249,9 +249,8 @@ def w_ahead(v, x, motion, T_m, load_torque, h):
 
 @kernel
 def shortened(v, x, h):
-    """The whole part of the step h in which theta_e turns by no more than stability.TURN."""
-    turn = v[port.motor.p] * abs(x[now.w]) * h
-    return h if turn <= stability.TURN else h / (int(turn / stability.TURN) + 1)
+    """The whole part of the step h that may be taken at once; 0 if none can."""
+    return stability.for_turn(h, v[port.motor.p] * abs(x[now.w]))
 
 
 @kernel

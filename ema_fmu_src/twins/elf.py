@@ -100,5 +100,5 @@ def advance(v, x, t):
     status = actuator.begin(v, x, x[clock.step], MOVING)
     if status != Status.OK:
         return status
-    _run(v, x, t)
-    return actuator.publish(v, x, t)
+    status = _run(v, x, t)
+    return actuator.publish(v, x, t) if status == Status.OK else status

@@ -158,13 +158,6 @@ def _sample(v, x, motion, t):
 
 
 @kernel
-def _turn_limited(m, w, step):
-    """`step`, or the shorter one in which theta_e turns by stability.TURN."""
-    turn = m.p * abs(w)
-    return step if turn * step <= stability.TURN else stability.TURN / turn
-
-
-@kernel
 def _sum_up(m, sums, rail, i, i_mean, i_new, s, c, h):
     """The sums after a step h; s, c at its middle, i_mean the mean currents over it."""
     N = m.N
@@ -272,7 +265,9 @@ def advance(v, x, t):
         legs = hysteresis.look(m.comparator, legs, error)
         e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
         circuit = connect(legs, m.open_side, m.star, i, e, V_dc)
-        step = _turn_limited(m, motion.w, longest)
+        step = stability.for_turn(longest, m.p * abs(motion.w))
+        if step == 0.0:
+            return Status.STIFF
         if located:
             legs, h = events.step_to_event(
                 m.comparator, m.star, ref, m.p * motion.w, i, legs, error, circuit, s, c, min(step, T_c - elapsed)

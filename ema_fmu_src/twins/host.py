@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from .. import ports
 from ..physics.jit import kernel
 from .memory import Moving, State, namespace, places, port
+from .status import Status
 
 TOLD = (
     State("stale", "1", "1 after the host has changed a parameter, 0 once the twin has taken it in"),
@@ -134,7 +135,7 @@ def stepper(sample: Any, shortened: Any, step: Any, moving: Moving) -> Any:
     """A kernel run(v, x, t) that takes steps of one length, or of whole parts of it, until the time `t` [s].
 
     It is made of the twin's own kernels: sample(v, x, now), where the controller is due, shortened(v, x, h), the part of
-    the step h that may be taken at once, and step(v, x, now, h).
+    the step h that may be taken at once, and step(v, x, now, h). Status.STIFF where no part of a step may be.
     """
 
     @kernel
@@ -149,6 +150,8 @@ def stepper(sample: Any, shortened: Any, step: Any, moving: Moving) -> Any:
                 sample(v, x, now)
                 x[clock.next_sample] += x[clock.per_sample]
             h = shortened(v, x, length - x[clock.offset])
+            if h == 0.0:
+                return Status.STIFF
             if h > left + CLOSE * length:
                 back_up(v, x, moving)
                 step(v, x, now, left)
@@ -159,5 +162,6 @@ def stepper(sample: Any, shortened: Any, step: Any, moving: Moving) -> Any:
                 continue
             x[clock.tick] += 1.0
             x[clock.offset] = 0.0
+        return Status.OK
 
     return run

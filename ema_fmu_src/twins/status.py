@@ -25,5 +25,5 @@ class Status(IntEnum):
     STIFF = (
         4,
         "rotor and currents move faster than steps of 1e-9 s can follow; a larger mechanics.J or motor.L, a smaller "
-        "motor.K_e or smaller controller gains are needed",
+        "motor.K_e, smaller controller gains or a slower start are needed",
     )
