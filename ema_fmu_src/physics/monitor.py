@@ -16,6 +16,12 @@ def quadrature_current(i, s, c):
 
 
 @kernel
+def smoothing(h, tau):
+    """What a step h does to a low-pass of tau: h/(tau + h/2), the trapezoidal rule; 1, settled, where h > 2*tau."""
+    return min(1.0, h / (tau + 0.5 * h))
+
+
+@kernel
 def low_pass(i_filtered, q, smoothing):
-    """First-order low-pass after a step h with the mean q (trapezoidal rule): smoothing = h/(tau + h/2)."""
+    """First-order low-pass after a step h with the mean q; `smoothing` is that of the step."""
     return i_filtered + (q - i_filtered) * smoothing

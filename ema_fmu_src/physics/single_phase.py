@@ -48,14 +48,17 @@ def resistance(R, N, s):
 
 
 @kernel
-def current(i, I_ref, e, R_eq, L, V_dc, h):
+def current(i, I_ref, e, R_eq, L, V_dc, w_e, h):
     """A step h of the equivalent current (ours): L di/dt = v - R_eq*i - e, by the rule of `voltage_limit.step_impedance`.
 
-    v takes the current to I_ref with the time constant tau, as far as the six-step voltage 2*V_dc/pi reaches.
+    v takes the current to I_ref with the time constant tau, as far as the six-step voltage 2*V_dc/pi reaches beside what the
+    turning current needs across it, w_e*L*i.
     """
     share = mean_share(h * R_eq, L)
     change = (I_ref - i) * min(1.0, h * PER_TAU)
     need = R_eq * (i + share * change) + e + (L / h) * change
-    v = clamp(need, -V_dc * SIX_STEP, V_dc * SIX_STEP)
+    across = w_e * L * i
+    reach = math.sqrt(max(0.0, (V_dc * SIX_STEP) ** 2 - across * across))
+    v = clamp(need, -reach, reach)
     change = (v - e - R_eq * i) / max(L / h + 0.5 * R_eq, R_eq)
     return Driven(i + change, i + share * change, v, v != need)

@@ -9,7 +9,7 @@ from .jit import kernel
 
 SHORTEST = 1e-9
 """Step [s] below which nothing is resolved."""
-CURRENTS, DRIVER, LOOP = 0.1, 1.0, 0.2
+CURRENTS, DRIVER, LOOP = 0.002, 1.0, 0.2
 """Largest numbers that are stepped."""
 TURN = 0.2
 """Largest turn of theta_e in a step [rad]: at its ends sine and torque are then 0.2 % off those of its middle."""
@@ -31,7 +31,7 @@ def for_driver(h, K_e, J, R):
 
 @kernel
 def for_turn(h, turning):
-    """The whole part of `h` [s] in which theta_e turns by no more than TURN at `turning` [rad/s]; 0 if it is below SHORTEST."""
+    """The whole part of `h` [s] in which theta_e turns by no more than TURN at `turning` [rad/s]; 0 if that is too short."""
     if turning * h > TURN:
         h = h / (int(turning * h / TURN) + 1) if turning * SHORTEST <= TURN else 0.0
     return h

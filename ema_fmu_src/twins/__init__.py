@@ -25,10 +25,10 @@ from typing import Any
 
 from ..fidelities import FIDELITIES, MODELS
 from . import host
-from .host import NEVER, SLOPES, clock, partial, told
+from .host import SLOPES, clock, partial, told
 from .status import Status
 
-__all__ = ["CLOCK", "NEVER", "SLOPES", "STALE", "TOLERANCE", "TWINS", "Status", "Twin"]
+__all__ = ["CLOCK", "SLOPES", "STALE", "TOLERANCE", "TWINS", "Status", "Twin"]
 
 STALE: int = told.stale
 TOLERANCE: int = told.tolerance

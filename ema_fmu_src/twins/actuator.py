@@ -29,7 +29,7 @@ DERIVED = (
     State("per_ratio", "1", "1/G"),
     State("half_play", "rad", "half of the backlash, with its fault"),
     State("theta_max", "rad", "the rotor's end stop"),
-    State("smoothing", "1", "of the filtered current over a whole step: h/(tau + h/2)"),
+    State("smoothing", "1", "of the filtered current over a whole step"),
 )
 """What follows from the parameters, taken at the start and after each change: it saves ELF and LF 5 % of their time."""
 SINCE = (
@@ -61,7 +61,8 @@ COMMON = 2.0
 ONCE = (*host.STATES, *DERIVED, *SINCE)
 derived = places("derived", DERIVED, first=len(host.STATES))
 since = places("since", SINCE, first=len(host.STATES) + len(DERIVED))
-now = places("now", MOVING, first=len(ONCE))
+FIRST = len(ONCE)
+now = places("now", MOVING, first=FIRST)
 
 
 class Motion(NamedTuple):
@@ -113,7 +114,7 @@ def derive(v, x):
         x[derived.z_cos_a], x[derived.z_cos_b], x[derived.z_cos_c] = c, c, c
     x[derived.K_e] = v[port.motor.K_e] * v[port.fault.magnet]
     x[derived.R] = v[port.motor.R] * v[port.fault.resistance]
-    x[derived.smoothing] = x[clock.step] / (v[port.monitor.tau] + 0.5 * x[clock.step])
+    x[derived.smoothing] = monitor.smoothing(x[clock.step], v[port.monitor.tau])
     return Status.OK
 
 
@@ -130,7 +131,9 @@ def start(v, x, period, longest, n_states):
     theta = clamp(v[port.initial.motor_position], -theta_max, theta_max)
     x[now.theta] = theta
     x[now.w] = v[port.initial.motor_speed]
-    x[now.position] = mechanics.play(v[port.initial.position], theta / v[port.gear.ratio], x[derived.half_play])
+    x[now.position] = mechanics.user_shaft(
+        v[port.initial.position], theta / v[port.gear.ratio], x[derived.half_play], 0.0, v[port.mechanics.end_stop]
+    )
     x[now.s], x[now.c] = sincos(v[port.motor.p] * theta)
     x[now.i_a] = v[port.initial.phase_current_a]
     x[now.i_b] = v[port.initial.phase_current_b]
@@ -213,6 +216,13 @@ def control(v, x, t, position, w):
 
 
 @kernel
+def load_on_rotor(v, x, motion, load_torque):
+    """The torque T_L with which the load brakes the rotor."""
+    half_play, end_stop = x[derived.half_play], v[port.mechanics.end_stop]
+    return mechanics.carried(load_torque, motion.theta * x[derived.per_ratio], half_play, end_stop) * x[derived.per_ratio]
+
+
+@kernel
 def move(v, x, motion, T_m, load_torque, h):
     """Mechanics over a step h under the mean torque T_m: the mean speed, and theta, w, position, friction and the impulse of
     the end stops at its end."""
@@ -223,14 +233,16 @@ def move(v, x, motion, T_m, load_torque, h):
         x[derived.loss_aiding],
         v[port.mechanics.C],
     )
-    T_L = load_torque * x[derived.per_ratio]
-    w_new, T_f = mechanics.rotor(motion.w, T_m, T_L, friction, v[port.mechanics.J], h)
-    w_mean = 0.5 * (motion.w + w_new)
-    theta, w = mechanics.end_stop(motion.theta + h * w_mean, w_new, x[derived.theta_max])
+    J, C = v[port.mechanics.J], v[port.mechanics.C]
+    w_new, T_f = mechanics.rotor(motion.w, T_m, load_on_rotor(v, x, motion, load_torque), friction, J, h)
+    w_mean = mechanics.mean_speed(motion.w, w_new, C, J, h)
+    theta, w = mechanics.end_stop(motion.theta + h * w_mean, w_new, x[derived.theta_max], motion.theta)
     if w != w_new:  # what the back-EMF sees is how far the rotor has come, not how it was pushed
         w_mean = (theta - motion.theta) / h
-    position = mechanics.user_shaft(motion.position, theta * x[derived.per_ratio], x[derived.half_play], load_torque)
-    return w_mean, theta, w, position, T_f, motion.stop + v[port.mechanics.J] * (w_new - w)
+    position = mechanics.user_shaft(
+        motion.position, theta * x[derived.per_ratio], x[derived.half_play], load_torque, v[port.mechanics.end_stop]
+    )
+    return w_mean, theta, w, position, T_f, motion.stop + J * (w_new - w)
 
 
 @kernel
@@ -243,8 +255,9 @@ def w_ahead(v, x, motion, T_m, load_torque, h):
     """
     if motion.w == 0.0:
         return 0.0
-    T = T_m - load_torque * x[derived.per_ratio] - motion.T_f - v[port.mechanics.C] * motion.w
-    return motion.w + 0.5 * h * T / v[port.mechanics.J]
+    C = v[port.mechanics.C]
+    T = T_m - load_on_rotor(v, x, motion, load_torque) - motion.T_f - C * motion.w
+    return motion.w + 0.5 * h * T / max(v[port.mechanics.J], 0.5 * h * C)
 
 
 @kernel
@@ -254,9 +267,20 @@ def shortened(v, x, h):
 
 
 @kernel
+def on_the_way(v, x, share):
+    """Within a step, after `share` of it: what moves is between its values before and now, in proportion."""
+    friction, I_ref, xi, limited = x[now.T_f], x[now.I_ref], x[now.xi], x[now.limited]
+    for place in range(FIRST, FIRST + len(MOVING)):
+        before = x[place + len(MOVING)]
+        x[place] = before + share * (x[place] - before)
+    x[now.T_f], x[now.I_ref], x[now.xi], x[now.limited] = friction, I_ref, xi, limited
+    x[now.s], x[now.c] = sincos(v[port.motor.p] * x[now.theta])
+
+
+@kernel
 def store(v, x, h, motion, i, means, limited):
     """Write the end of a step h of ELF or LF, with the means over it."""
-    smoothing = x[derived.smoothing] if h == x[clock.step] else h / (v[port.monitor.tau] + 0.5 * h)
+    smoothing = x[derived.smoothing] if h == x[clock.step] else monitor.smoothing(h, v[port.monitor.tau])
     x[now.i_filtered] = monitor.low_pass(x[now.i_filtered], means.q, smoothing)
     x[now.charge] += h * means.supply
     x[now.loss] += h * means.loss

@@ -91,7 +91,7 @@ def _step(v, x, t, h):
     actuator.store(v, x, h, moved, driven.i, means, driven.limited or not live)
 
 
-_run = host.stepper(_sample, actuator.shortened, _step, MOVING)
+_run = host.stepper(_sample, actuator.shortened, _step, actuator.on_the_way, MOVING)
 
 
 @kernel

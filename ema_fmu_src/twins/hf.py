@@ -51,8 +51,7 @@ TICK = "controller.period"
 own = places("own", OWN, first=len(actuator.ONCE) + len(actuator.MOVING))
 
 MOST_STEPS = 20000
-"""Bound of event-located steps in one controller period, beside those that its longest step asks for; a healthy run takes
-some 60."""
+"""Bound of event-located steps in 1e-4 s, beside those that the longest step asks for; a healthy run takes some 60."""
 MARGIN = 4e-3
 """Event-located: a current error this close to the band, as a fraction of it, has reached it. The relative tolerance of an
 experiment, if one is given, takes its place, within FINEST and COARSEST."""
@@ -165,7 +164,7 @@ def _sum_up(m, sums, rail, i, i_mean, i_new, s, c, h):
         N.a * mean_square(i.a, i_new.a) + N.b * mean_square(i.b, i_new.b) + N.c * mean_square(i.c, i_new.c)
     )
     q = monitor.quadrature_current(i_mean, s, c)
-    i_filtered = monitor.low_pass(sums.i_filtered, q, h / (m.tau + 0.5 * h))
+    i_filtered = monitor.low_pass(sums.i_filtered, q, monitor.smoothing(h, m.tau))
     charge = sums.charge + 0.5 * h * (rail.a * i_mean.a + rail.b * i_mean.b + rail.c * i_mean.c)
     return Sums(i_filtered, charge, loss)
 
@@ -245,7 +244,8 @@ def advance(v, x, t):
         return status
     m = _machine(v, x)
     located, longest = v[port.solver.event_located] != 0.0, x[clock.step]
-    most_steps = MOST_STEPS + 2.0 * T_c / longest
+    most_steps = MOST_STEPS * max(1.0, T_c / 1e-4) + 2.0 * T_c / longest
+    most_voltage = m.comparator.band * min(m.L.a, m.L.b, m.L.c) / longest
     close = host.CLOSE * longest
     motion, i, legs, sums = _read(x)
     elapsed = x[clock.offset]
@@ -275,6 +275,8 @@ def advance(v, x, t):
             steps += 1
             if steps > most_steps:
                 return Status.STUCK
+        elif V_dc > most_voltage:
+            return Status.COARSE
         else:
             h = events.fixed_step(step, T_c - elapsed)
         partial_step = h > left + close

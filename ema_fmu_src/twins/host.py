@@ -1,10 +1,10 @@
 """What every FMU needs, whatever it models: start, inputs, and steps of its own whatever steps the host takes.
 
-A twin moves on ticks of its own. A communication point within a step is reached by a partial step: what moves is backed up
-as it was at the last tick, and the step is taken to the communication point; once the host is beyond it, what moves is
-restored and the step is taken whole. So the results do not depend on how a run is cut into communication steps, as long as
-inputs and parameters are constant. A change of the load, of the supply or of a parameter is an event: the partial step is
-then kept, and the next step of the twin starts there.
+A twin moves on ticks of its own. At a communication point within a step, what moves is backed up as it was at the step's
+beginning, and is then on its way: HF takes a part of the step, the others take it whole and stand between its ends. Once the
+host is beyond it, what moves is restored and the step is taken whole. So the results do not depend on how a run is cut into
+communication steps, as long as inputs and parameters are constant. A change of the load, of the supply or of a parameter is
+an event: what was on its way is then kept, and the next step of the twin starts there.
 """
 
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ CLOCK = (
     State("tick", "1", "whole steps since the start; HF: whole controller periods"),
     State("offset", "s", "time since that tick"),
     State("per_sample", "1", "ticks from sample to sample of the controller"),
-    State("next_sample", "1", "the tick at which the controller is sampled next; NEVER in a twin that does not sample"),
+    State("next_sample", "1", "the tick at which the controller is sampled next"),
     State("point", "s", "time of the last communication point"),
 )
 PARTIAL = (
@@ -55,8 +55,6 @@ SLOPES: dict[str, int] = {variable.name: getattr(told, f"slope_{variable.name}")
 _ALL_SLOPES = tuple(SLOPES.values())
 inputs = namespace("inputs", {name: Input(ports.INDEX[name], slope) for name, slope in SLOPES.items()})
 
-NEVER = 1e18
-"""The tick of the next sample in a twin that does not sample."""
 CLOSE = 1e-6
 """Two times closer than this fraction of a step are one: hosts that add up their steps are off by 1e-12 s."""
 
@@ -126,16 +124,12 @@ def input_at(v, x, source, t):
     return v[source.port] + x[source.slope] * (t - x[clock.point])
 
 
-@kernel
-def unsampled(v, x, t):
-    """The sample of a twin that does not sample."""
-
-
-def stepper(sample: Any, shortened: Any, step: Any, moving: Moving) -> Any:
+def stepper(sample: Any, shortened: Any, step: Any, on_the_way: Any, moving: Moving) -> Any:
     """A kernel run(v, x, t) that takes steps of one length, or of whole parts of it, until the time `t` [s].
 
     It is made of the twin's own kernels: sample(v, x, now), where the controller is due, shortened(v, x, h), the part of
-    the step h that may be taken at once, and step(v, x, now, h). Status.STIFF where no part of a step may be.
+    the step h that may be taken at once, step(v, x, now, h), and on_the_way(v, x, share), which takes what moves back from
+    the end of the step to `share` of it. Status.STIFF where no part of a step may be taken.
     """
 
     @kernel
@@ -154,7 +148,8 @@ def stepper(sample: Any, shortened: Any, step: Any, moving: Moving) -> Any:
                 return Status.STIFF
             if h > left + CLOSE * length:
                 back_up(v, x, moving)
-                step(v, x, now, left)
+                step(v, x, now, h)
+                on_the_way(v, x, left / h)
                 break
             step(v, x, now, h)
             x[clock.offset] += h

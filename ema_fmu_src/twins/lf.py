@@ -52,8 +52,14 @@ def initialize(v, x):
     longest = stability.for_loop(longest, 1.5 * K_e * v[port.controller.K_p] / J, single_phase.TAU)
     longest = stability.for_loop(longest, MOST_GAIN * v[port.controller.K_pos], stability.SHORTEST)
     status = actuator.start(v, x, min(step, longest), longest, N_STATES)
-    x[clock.next_sample] = host.NEVER
     return _publish(v, x, 0.0) if status == Status.OK else status
+
+
+@kernel
+def _sample(v, x, t):
+    """The control law, which has no sampling, at each step of LF's own."""
+    command = host.input_at(v, x, inputs.command, t)
+    x[now.I_ref] = cascade.continuous(actuator.gains(v, x), command, x[now.position], x[now.w])
 
 
 @kernel
@@ -62,8 +68,6 @@ def _step(v, x, t, h):
     motion, N, field = actuator.motion(x), actuator.turns(v), actuator.field(x)
     i = monitor.quadrature_current(actuator.currents(x), motion.s, motion.c)
     V_dc = max(0.0, host.input_at(v, x, inputs.supply_voltage, t + 0.5 * h))
-    command = host.input_at(v, x, inputs.command, t)
-    I_ref = cascade.continuous(actuator.gains(v, x), command, motion.position, motion.w)
     live = inverter.live(V_dc)
 
     p = v[port.motor.p]
@@ -75,7 +79,9 @@ def _step(v, x, t, h):
     R_eq = R_copper + v[port.inverter.R_on]
     load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
     w_ahead = actuator.w_ahead(v, x, motion, 1.5 * K_f * i, load, h)
-    driven = single_phase.current(i, I_ref if live else 0.0, K_f * w_ahead, R_eq, v[port.motor.L], V_dc, h)
+    driven = single_phase.current(
+        i, x[now.I_ref] if live else 0.0, K_f * w_ahead, R_eq, v[port.motor.L], V_dc, p * motion.w, h
+    )
     mean = driven.i_mean
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, 1.5 * K_f * mean, load, h)
     s, c = rotate(s, c, p * (theta - motion.theta - half))
@@ -85,13 +91,12 @@ def _step(v, x, t, h):
         1.5 * driven.v * mean / V_dc if live else -single_phase.RECTIFIED * abs(mean),
         1.5 * R_copper * mean * mean,
     )
-    x[now.I_ref] = I_ref
     moved = actuator.Motion(theta, w, position, s, c, T_f, stop)
     i_new = Abc(-driven.i * sines.a, -driven.i * sines.b, -driven.i * sines.c)
     actuator.store(v, x, h, moved, i_new, means, driven.limited or not live)
 
 
-_run = host.stepper(host.unsampled, actuator.shortened, _step, MOVING)
+_run = host.stepper(_sample, actuator.shortened, _step, actuator.on_the_way, MOVING)
 
 
 @kernel

@@ -19,11 +19,16 @@ class Status(IntEnum):
     STUCK = (
         2,
         "the event-located solver reached its bound of steps in one controller period; "
-        "try solver.event_located=false with solver.step=1e-6",
+        "try a larger inverter.hysteresis or motor.L, or solver.event_located=false with a small solver.step",
     )
     NOT_FINITE = 3, "the solution is no longer finite; check parameters and inputs, or try a smaller solver.step"
     STIFF = (
         4,
         "rotor and currents move faster than steps of 1e-9 s can follow; a larger mechanics.J or motor.L, a smaller "
         "motor.K_e, smaller controller gains or a slower start are needed",
+    )
+    COARSE = (
+        5,
+        "a fixed solver.step is too long for the current's hysteresis: inverter.hysteresis*L/supply_voltage is the longest, "
+        "L that of the phase with the fewest turns; or solver.event_located=true",
     )

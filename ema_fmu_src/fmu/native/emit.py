@@ -32,8 +32,8 @@ define hidden i32 @ema_{name}({arguments}) align 64 {{
 after a raise; `_kernel_module` makes sure that there is none. Aligned to a cache line, because LF takes 6 % more time where
 the linker happens to put it badly."""
 
-INSTRUCTIONS = re.compile(r"llvm\.(fabs|memset|memcpy|assume|lifetime|smax|smin|umax|umin)\b.*")
-"""LLVM intrinsics that become instructions, memset or memcpy on every target."""
+INSTRUCTIONS = re.compile(r"llvm\.(fabs|sqrt|memset|memcpy|assume|lifetime|smax|smin|umax|umin)\b.*")
+"""LLVM intrinsics that become instructions (exact or correctly rounded), memset or memcpy on every target."""
 
 
 class EmitError(RuntimeError):

@@ -12,7 +12,7 @@ from pathlib import Path
 import fmpy
 
 from ... import ports
-from ...twins import CLOCK, NEVER, SLOPES, STALE, TOLERANCE, TWINS, Status
+from ...twins import CLOCK, SLOPES, STALE, TOLERANCE, TWINS, Status
 from ..description import CATEGORIES, DEFAULT_TOLERANCE
 from . import macho
 from .emit import ENVIRONMENT
@@ -92,8 +92,7 @@ def _clock(tick: str) -> list[str]:
     """Where the twin's clock lies in a State, and how long a tick of it is: as the port `tick`, if one is given."""
     places = ", ".join(f"CLOCK_{name.upper()} = {place}" for name, place in CLOCK.items())
     length = f"v[{ports.INDEX[tick]}]" if tick else "x[CLOCK_STEP]"
-    never = f"#define NEVER {float(NEVER).hex()}"
-    return [f"enum {{ {places} }};", f"#define TICK_LENGTH(state) ((state)->{length})", never]
+    return [f"enum {{ {places} }};", f"#define TICK_LENGTH(state) ((state)->{length})"]
 
 
 def _run(command: Sequence[str], *, environment: Mapping[str, str] | None = None) -> None:

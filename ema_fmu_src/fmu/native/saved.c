@@ -51,8 +51,7 @@ static bool is_clock(const State *s) {
     if (!(step > 0.0 && is_count(x[CLOCK_PER_SAMPLE], 1.0, INT32_MAX) && is_count(x[CLOCK_TICK], 0.0, MOST_TICKS)))
         return false;
     if (!(step <= tick * (1.0 + 1e-9) && step * x[CLOCK_PER_SAMPLE] >= tick * (1.0 - 1e-9))) return false;
-    const double ahead = x[CLOCK_NEXT_SAMPLE] - x[CLOCK_TICK]; /* NEVER in a twin that does not sample */
-    if (!is_count(ahead, 0.0, x[CLOCK_PER_SAMPLE]) && x[CLOCK_NEXT_SAMPLE] != NEVER) return false;
+    if (!is_count(x[CLOCK_NEXT_SAMPLE] - x[CLOCK_TICK], 0.0, x[CLOCK_PER_SAMPLE])) return false;
     if (!is_count(x[CLOCK_PENDING], 0.0, 1.0) || !is_count(x[CLOCK_RAMPED], 0.0, 1.0))
         return false;
     const double behind = point - (x[CLOCK_TICK] * tick + x[CLOCK_OFFSET]), close = 1e-3 * tick + 0x1p-50 * point;

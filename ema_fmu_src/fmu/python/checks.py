@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ... import ports
-from ...twins import CLOCK, NEVER, Status, Twin
+from ...twins import CLOCK, Status, Twin
 
 MOST_STEPS = 1e9
 """Of the twin's own in one communication step."""
@@ -72,8 +72,7 @@ def _is_clock(twin: Twin, v: Sequence[float], x: Sequence[float], since_start: f
         return False
     if not (step <= tick * (1.0 + 1e-9) and step * clock["per_sample"] >= tick * (1.0 - 1e-9)):
         return False
-    ahead = clock["next_sample"] - clock["tick"]  # NEVER in a twin that does not sample
-    if not (_is_count(ahead, 0.0, clock["per_sample"]) or clock["next_sample"] == NEVER):
+    if not _is_count(clock["next_sample"] - clock["tick"], 0.0, clock["per_sample"]):
         return False
     if not all(_is_count(clock[flag], 0.0, 1.0) for flag in ("pending", "ramped")):
         return False
