@@ -1,27 +1,41 @@
 """Fixtures: the FMUs, built once for the whole session, in both runtimes; instances of them."""
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from fmi import Instance
 
 from ema_fmu_src import ports
+from ema_fmu_src.fidelities import fmu_name
 from ema_fmu_src.fmu.build import RUNTIMES, build
+
+
+def _built_once(tmp_path_factory: pytest.TempPathFactory, runtime: str) -> dict[str, Path]:
+    """FMUs in a folder that all processes of a run (pytest-xdist) share: the first to come builds them."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / f"{runtime}_fmus"
+    folder.mkdir(exist_ok=True)
+    with FileLock(folder.with_suffix(".lock")):
+        paths = [folder / fmu_name(model) for model in ports.MODELS]
+        if not (folder / "built").exists():
+            paths = build(out=folder, runtime=runtime)
+            (folder / "built").touch()
+    return dict(zip(ports.MODELS, paths, strict=True))
 
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Path of the native FMU of each twin, all in one folder."""
-    paths = build(out=tmp_path_factory.mktemp("fmus"))
-    return dict(zip(ports.MODELS, paths, strict=True))
+    return _built_once(tmp_path_factory, "native")
 
 
 @pytest.fixture(scope="session")
 def python_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The same with the python runtime."""
-    paths = build(out=tmp_path_factory.mktemp("python_fmus"), runtime="python")
-    return dict(zip(ports.MODELS, paths, strict=True))
+    return _built_once(tmp_path_factory, "python")
 
 
 @pytest.fixture(params=RUNTIMES)

@@ -262,8 +262,8 @@ def test_fixed_steps_that_overrun_the_band_are_refused(step: float, refused: boo
 
 @pytest.mark.parametrize("p", [10.0, 20.0, 50.0])
 def test_lf_knows_the_voltage_across_the_inductance(p: float) -> None:
-    """w_e*L*i takes part in the voltage limit: LF says that it is limited for as long as HF does, and is 12 % off at most (25 %
-    without)."""
+    """w_e*L*i takes part in the voltage limit: LF says that it is limited for as long as HF does, and is 12 % off at most
+    (25 % without)."""
     hf, lf = (Flight(fidelity, {"motor.p": p}).fly(sine(SIN4), n=5000) for fidelity in ("HF", "LF"))
     assert nrmse(lf["position"], hf["position"]) < 0.12
     assert np.mean(lf["voltage_saturated"]) == pytest.approx(np.mean(hf["voltage_saturated"]), abs=0.15)
