@@ -11,6 +11,7 @@ from ema_fmu_src.fidelities import FIDELITIES, Fidelity
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.actuators.actuator import Actuator
     from harness.trials import Trial
 
 Settings = Annotated[
@@ -20,6 +21,14 @@ Settings = Annotated[
         metavar="NAME=VALUE",
         help="A parameter or fault for all runs, such as fault.N_a=0.9; or load_torque or supply_voltage, "
         "held at that value where the trial does not give its own. May be given several times.",
+    ),
+]
+ActuatorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--actuator",
+        metavar="NAME_OR_FILE",
+        help="An actuator of the library (ema actuator list), a .toml file, or a parameter set of SSP (.ssv).",
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write runs and errors as JSON.")]
@@ -47,6 +56,14 @@ def required_extra(extra: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise HarnessError(f"this command needs {error.name}: pip install 'ema-twins[{extra}]'") from None
+
+
+def chosen_actuator(name: str | None) -> "Actuator":
+    """The actuator of `--actuator`, the default one if none is given; HarnessError as from `read_actuator`."""
+    from harness.actuators.actuator import DEFAULT
+    from harness.actuators.read import read_actuator
+
+    return DEFAULT if name is None else read_actuator(name)
 
 
 def chosen_monitor(
