@@ -105,6 +105,11 @@ class Actuator:
         return hashlib.sha256(json.dumps([resolved, self.output.lead], sort_keys=True).encode()).hexdigest()
 
     @property
+    def is_default(self) -> bool:
+        """Whether it is the default actuator: no parameter stated, a rotary output."""
+        return not self.parameters and self.output.lead is None
+
+    @property
     def identity(self) -> dict[str, str]:
         """Name and hash, as results record them."""
         return {"name": self.name, "sha256": self.sha256}

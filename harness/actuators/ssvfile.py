@@ -4,12 +4,16 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from harness.actuators.actuator import Actuator, Output
-from harness.actuators.values import Stated, stated_for
+from harness.actuators.values import Stated, stated, stated_for
 from harness.errors import HarnessError
 from harness.parameters import check_together, settable
 
 SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
 SSC = "{http://ssp-standard.org/SSP1/SystemStructureCommon}"
+ANNOTATION = "ema-twins.actuator"
+"""Type of the annotation that ema_fmu_src/fmu/ssp.py writes; importing that would compile the twins."""
+LEAD = "output_lead"
+"""Attribute [m] in the annotation of a set that was written for a linear actuator."""
 INITIAL = "initialValues"
 """Name of every set in ema.ssp, whose own name is then its description."""
 
@@ -34,7 +38,8 @@ def read_ssv(path: Path) -> Actuator:
     check_together(parameters, str(path))
     name = root.get("name", "")
     name = (root.get("description") if name in ("", INITIAL) else name) or path.stem
-    return Actuator(name, "", parameters, origins=dict.fromkeys(parameters, "stated"), output=_output(root, path))
+    output = Output(_lead(root, path))
+    return Actuator(name, "", parameters, origins=dict.fromkeys(parameters, "stated"), output=output)
 
 
 def _root(path: Path) -> ElementTree.Element:
@@ -60,5 +65,9 @@ def _written(parameter: ElementTree.Element, where: str) -> object:
     return f"{text} {kinds[0].get('unit', '')}".strip() if kind == "Real" else text
 
 
-def _output(root: ElementTree.Element, path: Path) -> Output:
-    return Output()
+def _lead(root: ElementTree.Element, path: Path) -> float | None:
+    """The lead [m] that our own annotation tells, None if there is none."""
+    told = root.find(f"{SSV}Annotations/{SSC}Annotation[@type='{ANNOTATION}']/actuator[@{LEAD}]")
+    if told is None:
+        return None
+    return stated(told.get(LEAD), "m", f"{path}, {LEAD}").value
