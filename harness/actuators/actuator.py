@@ -48,12 +48,12 @@ class Output:
         return travel if port in ANGLES else 1.0 / travel if port in TORQUES else 1.0
 
     def outside(self, port: str, values: Array) -> Array:
-        """Values of `port`, any shape, in its unit outside."""
-        return values * self.scale(port)
+        """Values of `port`, any shape, in its unit outside; the same array where nothing changes."""
+        return values if self.scale(port) == 1.0 else values * self.scale(port)
 
     def inside(self, port: str, values: Array) -> Array:
-        """Values of `port` given in its unit outside, in the port's own."""
-        return values / self.scale(port)
+        """Values of `port` given in its unit outside, in the port's own; the same array where nothing changes."""
+        return values if self.scale(port) == 1.0 else values / self.scale(port)
 
     def shown(self, run: "xr.Dataset") -> "xr.Dataset":
         """A run, with variables named like ports, in the units outside; the same dataset where nothing changes."""
