@@ -98,7 +98,10 @@ class Actuator:
     @property
     def sha256(self) -> str:
         """Of the resolved parameters: every parameter's value, defaults too, and the output."""
-        resolved = {port.name: self.value(port.name) for port in ports.PARAMETERS}
+        resolved: dict[str, Any] = {port.name: self.value(port.name) for port in ports.PARAMETERS}
+        for port in ports.PARAMETERS:
+            if port.start_of and port.name not in self.parameters:
+                resolved[port.name] = [port.start_for(model) for model in ports.MODELS]
         resolved["supply_voltage"] = self.value("supply_voltage")
         if "load_torque" in self.parameters:
             resolved["load_torque"] = self.value("load_torque")

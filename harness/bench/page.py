@@ -37,6 +37,7 @@ def page(tables: list[Table], speed: Speed, command: str, actuator: Actuator = D
     return document(
         "EMA twins: speed and accuracy",
         f"<h1>Speed and accuracy</h1>{flown_actuator(actuator)}<p>Errors are NRMSE against HF at a fixed step of 1e-7 s; "
-        f"wall time per simulated second on one core, median of several.</p>{shown}{''.join(table(*each) for each in tables)}"
+        f"wall time per simulated second on one core, median of several.</p>{shown}"
+        f"{''.join(table(*each) for each in tables)}"
         f"{origin(command)}",
     )
