@@ -14,6 +14,13 @@ FIGURES = (
     ("equivalent_current_filtered", "Equivalent current, filtered [A]"),
 )
 """The quantities of the paper's Figures 5 to 7."""
+
+
+def titles(run: xr.Dataset) -> list[str]:
+    """The titles of FIGURES, with the units that `run` has."""
+    return [f"{title.partition(' [')[0]} [{run[variable].attrs['units']}]" for variable, title in FIGURES]
+
+
 TUBE = 0.01
 """Half width of the tolerance tube, as a fraction of the reference's range."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
+from harness.actuators.actuator import DEFAULT, Output
 from harness.errors import HarnessError, unknown
 from harness.files.columns import read_columns
 
@@ -18,6 +19,7 @@ DURATION = 2.5
 """Of the built-in trials [s]."""
 MOST_POINTS = 10_000_000
 """Of a trial from a file, 1000 s; a file that lasts longer most likely has its times in another unit."""
+ROTARY = DEFAULT.output
 COLUMNS = ("command", "load_torque", "supply_voltage")
 
 Array = NDArray[np.float64]
@@ -97,13 +99,14 @@ def trial(name: str) -> Trial:
     return Trial(name.upper(), 0.0, STEP, inputs, source, continuous)
 
 
-def read_trial(path: Path) -> Trial:
+def read_trial(path: Path, output: Output = ROTARY) -> Trial:
     """A trial from a CSV file: columns time [s], command [rad], optionally load_torque [N.m], supply_voltage [V].
 
+    For a linear actuator, of which `output` is that, command is in m and load_torque in N.
     Values between the rows are interpolated linearly onto the communication grid, from the first to the last time.
     HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
     """
-    table = read_columns(path, ("time", "command"), COLUMNS)
+    table = inside(read_columns(path, ("time", "command"), COLUMNS, units=outside_units(output)), output)
     times = table["time"]
     lasts = float(times[-1] - times[0])
     if not STEP * (1.0 - 1e-6) <= lasts <= STEP * MOST_POINTS:
@@ -112,6 +115,16 @@ def read_trial(path: Path) -> Trial:
     points = grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)
     inputs = {name: np.interp(points, times, table[name]) for name in COLUMNS if name in table}
     return Trial(path.stem, float(times[0]), STEP, inputs, str(path.name))
+
+
+def outside_units(output: Output) -> dict[str, str]:
+    """Port -> unit outside, for those that `output` has in another unit than the port's own."""
+    return {port.name: output.unit(port.name) for port in ports.VARIABLES if output.unit(port.name) != port.unit}
+
+
+def inside(table: dict[str, Array], output: Output) -> dict[str, Array]:
+    """Columns named like ports, given in their units outside, in the ports' own; others as they are."""
+    return {name: output.inside(name, series) if name in ports.INDEX else series for name, series in table.items()}
 
 
 def check_ranges(path: Path, table: dict[str, Array]) -> None:

@@ -11,6 +11,7 @@ from ema_fmu_src.fidelities import FIDELITIES, Fidelity
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.actuators.actuator import Actuator
     from harness.trials import Trial
 
 Settings = Annotated[
@@ -20,6 +21,14 @@ Settings = Annotated[
         metavar="NAME=VALUE",
         help="A parameter or fault for all runs, such as fault.N_a=0.9; or load_torque or supply_voltage, "
         "held at that value where the trial does not give its own. May be given several times.",
+    ),
+]
+ActuatorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--actuator",
+        metavar="NAME_OR_FILE",
+        help="An actuator of the library (ema actuator list), a .toml file, or a parameter set of SSP (.ssv).",
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write runs and errors as JSON.")]
@@ -49,23 +58,56 @@ def required_extra(extra: str) -> Iterator[None]:
         raise HarnessError(f"this command needs {error.name}: pip install 'ema-twins[{extra}]'") from None
 
 
+def chosen_actuator(name: str | None) -> "Actuator":
+    """The actuator of `--actuator`, the default one if none is given; HarnessError as from `read_actuator`."""
+    from harness.actuators.actuator import DEFAULT
+    from harness.actuators.read import read_actuator
+
+    return DEFAULT if name is None else read_actuator(name)
+
+
+def chosen_parameters(actuator: "Actuator", settings: list[str] | None) -> dict[str, float]:
+    """The parameters of `actuator`, over which those of `--set` win; HarnessError as from `parse_settings`."""
+    from harness.parameters import check_together, parse_settings
+
+    parameters = {**actuator.parameters, **parse_settings(settings or [])}
+    check_together(parameters, "--set")
+    return parameters
+
+
+def chosen_limits(actuator: "Actuator", limits: list[str] | None) -> dict[str, float]:
+    """The limits of `actuator`, over which those of `--limit` win; HarnessError as from `parse_limits`."""
+    from harness.faults import parse_limits
+
+    return {**actuator.limits, **parse_limits(limits or [])}
+
+
 def chosen_monitor(
-    name: str, settings: list[str] | None, *, estimated: Collection[str]
+    name: str, settings: list[str] | None, *, estimated: Collection[str], actuator: "Actuator"
 ) -> tuple[Fidelity, dict[str, float]]:
-    """The monitor's fidelity, and the parameters set for it; HarnessError if one of the ports to be `estimated` is set."""
+    """The monitor's fidelity, and the parameters of `actuator` and of `--set` for it.
+
+    HarnessError if one of the ports to be `estimated` is set, other than to its healthy value by the actuator.
+    """
+    from harness.actuators.actuator import DEFAULT
     from harness.fidelity import parse_fidelity
     from harness.parameters import parse_settings
 
     model = parse_fidelity(name, "--monitor")
-    parameters = parse_settings(settings or [])
     for port in estimated:
-        if port in parameters:
+        if port in parse_settings(settings or []):
             raise HarnessError(f"--set {port}: it is what is estimated; only other parameters can be set")
-    return model, parameters
+        if actuator.value(port) != DEFAULT.value(port):
+            stated = f"{port} = {actuator.value(port):g}"
+            raise HarnessError(
+                f"--actuator {actuator.name}: {stated}: it is what is estimated; a healthy actuator is needed"
+            )
+    parameters = chosen_parameters(actuator, settings)
+    return model, {port: value for port, value in parameters.items() if port not in estimated}
 
 
-def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
-    """Trials by name and from a file, the paper's three if neither is given.
+def chosen_trials(names: list[str] | None, file: Path | None, actuator: "Actuator | None" = None) -> "list[Trial]":
+    """Trials by name and from a file, the paper's three if neither is given; the file has the actuator's units outside.
 
     HarnessError for a name that is unknown, a file that cannot be read, or one that has the name of a trial.
     """
@@ -73,7 +115,7 @@ def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
 
     chosen = {flown.name: flown for flown in map(trial, names or [])}
     if file:
-        own = read_trial(file)
+        own = read_trial(file, actuator.output) if actuator else read_trial(file)
         if own.name.upper() in chosen:
             raise HarnessError(f"--trial-file {file}: {own.name} is flown already, rename the file")
         chosen[own.name] = own

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +12,23 @@ from harness.errors import HarnessError, unknown
 
 
 def read_columns(
-    path: Path, required: Sequence[str], optional: Sequence[str] = (), *, others: bool = False
+    path: Path,
+    required: Sequence[str],
+    optional: Sequence[str] = (),
+    *,
+    others: bool = False,
+    units: Mapping[str, str] | None = None,
 ) -> dict[str, NDArray[np.float64]]:
     """The columns of `path` by name, each of shape (n_rows,), n_rows >= 2; the first of `required` is the time, which rises.
 
-    Columns that are neither required nor optional are refused, or left out with `others`. HarnessError, with line and
+    Columns that are neither required nor optional are refused, or left out with `others`. `units`: those that may stand
+    behind a name in the header, as in `position [m]`. HarnessError, with line and
     column, for anything that is not a row of finite numbers with increasing times.
     """
     wanted = (*required, *optional)
     header, rows = _table(path, required)
+    told = {f"{name} [{unit}]": name for name, unit in (units or {}).items()}
+    header = [told.get(name, name) for name in header]
     for name in required:
         if name not in header:
             raise HarnessError(f"{path}, line 1: no column '{name}', found: {', '.join(header)}")

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from ema_fmu_src import ports
+from harness.actuators.actuator import Output
 from harness.errors import HarnessError
 from harness.files.columns import read_columns
-from harness.trials import STEP, Trial, check_ranges, grid
+from harness.trials import ROTARY, STEP, Trial, check_ranges, grid, inside, outside_units
 
 Array = NDArray[np.float64]
 
@@ -60,14 +61,22 @@ class Measured:
         return np.column_stack(list(self.channels.values()))
 
 
-def read_measured(path: Path, parameters: Mapping[str, float] | None = None) -> Measured:
+def read_measured(path: Path, parameters: Mapping[str, float] | None = None, output: Output = ROTARY) -> Measured:
     """A run from a CSV file; columns that are not needed are ignored.
 
     Columns: time [s], command [rad], position [rad], motor_speed [rad/s], and equivalent_current_filtered [A] or the three
     phase currents [A]; optionally load_torque [N.m], supply_voltage [V]. `parameters`: those set for this actuator, by port
-    name. HarnessError, with line and column, for anything that cannot be used.
+    name; `output`: a linear actuator's, whose lengths are in m and whose load is in N. HarnessError, with line and column,
+    for anything that cannot be used.
     """
-    table = read_columns(path, ("time", "command", "position", "motor_speed"), (CURRENT, *PHASES, *LOADS), others=True)
+    table = read_columns(
+        path,
+        ("time", "command", "position", "motor_speed"),
+        (CURRENT, *PHASES, *LOADS),
+        others=True,
+        units=outside_units(output),
+    )
+    table = inside(table, output)
     if CURRENT in table:
         currents = [CURRENT]
     elif all(name in table for name in PHASES):

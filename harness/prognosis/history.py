@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
+from harness.actuators.actuator import DEFAULT, Output
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
 from harness.identification.diagnosis import identify
@@ -102,16 +103,18 @@ def identify_all(
     limits: Mapping[str, float],
     threshold: float,
     workers: int,
+    output: Output = DEFAULT.output,
     on_flight: Callable[[], object] = lambda: None,
 ) -> list[IdentifiedFlight]:
     """Identify every flight with the model `fidelity`, in `workers` processes (0: one a core).
 
-    The other options are those of `identify`; `on_flight` is called after each flight. A flight that cannot be used stops
-    nothing; HarnessError if none can.
+    The other options are those of `identify` and of `read_measured`; `on_flight` is called after each flight. A flight that
+    cannot be used stops nothing; HarnessError if none can.
     """
     with processes(workers) as pool:
         waiting = [
-            pool.submit(_identify, flight, fmus, fidelity, dict(parameters), dict(limits), threshold) for flight in flights
+            pool.submit(_identify, flight, fmus, fidelity, dict(parameters), dict(limits), threshold, output)
+            for flight in flights
         ]
         found = []
         for future in waiting:
@@ -129,9 +132,10 @@ def _identify(
     parameters: dict[str, float],
     limits: dict[str, float],
     threshold: float,
+    output: Output,
 ) -> IdentifiedFlight:
     try:
-        run = read_measured(flight.path, parameters)
+        run = read_measured(flight.path, parameters, output)
         diagnosis = identify(run, fmus=fmus, fidelity=fidelity, parameters=parameters, limits=limits, threshold=threshold)
     except HarnessError as error:
         return IdentifiedFlight(flight, {}, str(error))

@@ -1,0 +1,1 @@
+"""Actuators: what a user knows of the own one, from an actuator file, a parameter set or the library."""

@@ -1,0 +1,1 @@
+"""Logs: measured runs as they are, from any file, in the ports' names and units."""
