@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, Settings, TrialFile, required_extra
+from harness.cli.options import FmuDir, Settings, TrialFile
 from harness.cli.terminal import progress
-from harness.errors import HarnessError
+from harness.errors import HarnessError, required_extra
 
 if TYPE_CHECKING:
     from harness.campaigns.plan import Plan

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor, required_extra
+from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor
 from harness.cli.terminal import progress, show
+from harness.errors import required_extra
 from harness.faults import ESTIMATED, THRESHOLD, parse_limits
 
 if TYPE_CHECKING:

@@ -1,7 +1,6 @@
 """Options that several commands share, and what they become."""
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,15 +37,6 @@ Limits = Annotated[
 Threshold = Annotated[
     float, typer.Option("--threshold", metavar="PART", help="Loss of health from which a fault is alarmed.")
 ]
-
-
-@contextmanager
-def required_extra(extra: str) -> Iterator[None]:
-    """Turns a missing library into one line that names the extra which installs it."""
-    try:
-        yield
-    except ImportError as error:
-        raise HarnessError(f"this command needs {error.name}: pip install 'ema-twins[{extra}]'") from None
 
 
 def chosen_monitor(
