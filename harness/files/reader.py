@@ -98,3 +98,8 @@ def _contained(path: Path, what: str, extra: str, read: Callable[[], Table]) -> 
 def is_readable(path: Path) -> bool:
     """Whether the name of `path` is that of a file that `read_table` reads."""
     return path.suffix.lower() in SUFFIXES and not path.name.startswith((".", "~$")) and os.access(path, os.R_OK)
+
+
+def stem(path: Path) -> str:
+    """The name of a file without what says how it is written: `run` of run.csv.gz."""
+    return path.name.removesuffix(".gz").rpartition(".")[0] or path.stem
