@@ -60,8 +60,8 @@ def campaign(
     import sys
 
     from harness.files import results
+    from harness.logs.trialfile import read_trial
     from harness.parameters import parse_settings
-    from harness.trials import read_trial
 
     with required_extra("campaign"):
         from harness.campaigns.planfile import parse_assignments, parse_numbers, read_plan

@@ -10,6 +10,7 @@ from ema_fmu_src.fidelities import FIDELITIES, Fidelity
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.actuators.actuator import Actuator
     from harness.trials import Trial
 
 Settings = Annotated[
@@ -19,6 +20,14 @@ Settings = Annotated[
         metavar="NAME=VALUE",
         help="A parameter or fault for all runs, such as fault.N_a=0.9; or load_torque or supply_voltage, "
         "held at that value where the trial does not give its own. May be given several times.",
+    ),
+]
+ActuatorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--actuator",
+        metavar="NAME_OR_FILE",
+        help="An actuator of the library (ema actuator list), a .toml file, or a parameter set of SSP (.ssv).",
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write runs and errors as JSON.")]
@@ -37,6 +46,14 @@ Limits = Annotated[
 Threshold = Annotated[
     float, typer.Option("--threshold", metavar="PART", help="Loss of health from which a fault is alarmed.")
 ]
+
+
+def chosen_actuator(name: str | None) -> "Actuator":
+    """The actuator of `--actuator`, the default one if none is given; HarnessError as from `read_actuator`."""
+    from harness.actuators.actuator import DEFAULT
+    from harness.actuators.read import read_actuator
+
+    return DEFAULT if name is None else read_actuator(name)
 
 
 def chosen_monitor(
@@ -59,7 +76,8 @@ def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
 
     HarnessError for a name that is unknown, a file that cannot be read, or one that has the name of a trial.
     """
-    from harness.trials import PAPER, read_trial, trial
+    from harness.logs.trialfile import read_trial
+    from harness.trials import PAPER, trial
 
     chosen = {flown.name: flown for flown in map(trial, names or [])}
     if file:

@@ -41,7 +41,9 @@ def column_of(
 ) -> tuple[Column, str]:
     """A column of `values`, shape (n_rows,), of any kind, and what is to be remarked about it, "" if nothing is."""
     if values.dtype.kind in "iu" and values.size and NANOSECONDS < abs(int(values[0])) < 4e18:
-        return _since(name, number, time, (values - values[0]).astype(float) * 1e-9, float(values[0]) * 1e-9, "epoch times in ns")
+        return _since(
+            name, number, time, (values - values[0]).astype(float) * 1e-9, float(values[0]) * 1e-9, "epoch times in ns"
+        )
     if values.dtype.kind in "biuf":
         return Column(name, unit, values.astype(np.float64), number, time), ""
     if values.dtype.kind in "mM":

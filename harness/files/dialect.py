@@ -11,9 +11,10 @@ from harness.errors import HarnessError
 
 SEPARATORS = ("\t", ";", "|", ",", " ")
 """In the order in which they are preferred; the last stands for any run of spaces or tabs."""
-MISSING = frozenset(
-    "nan n/a #n/a na n.a. null none nil - -- --- ? #nv nv missing <na> -nan 1.#qnan -1.#ind #value! #div/0! #ref!".split() + [""]
-)
+MISSING = {
+    *("", "nan", "-nan", "n/a", "#n/a", "na", "n.a.", "nv", "#nv", "null", "none", "nil", "missing", "<na>"),
+    *("-", "--", "---", "?", "1.#qnan", "-1.#ind", "#value!", "#div/0!", "#ref!"),
+}
 """Cells, in lower case, that hold no value."""
 SAMPLE = 200
 """Rows from which the separator is told; the numbers of all rows are parsed by it, and refused where they do not fit."""
@@ -84,21 +85,25 @@ def sniff(where: str, lines: Sequence[str]) -> Dialect:
         return Dialect(separator)
     if separator == ",":
         return _by_commas(where, lines, width)
-    return _decimals(where, separator, (cell for line in lines for cell in split(line, separator) if "," in cell or "." in cell))
+    return _decimals(
+        where, separator, (cell for line in lines for cell in split(line, separator) if "," in cell or "." in cell)
+    )
 
 
 def _fitness(sample: Sequence[str], separator: str) -> tuple[float, bool, int]:
     """How well a separator makes rows of equal length of what looks like numbers; then whether it separates anything."""
     rows = [split(line, separator) for line in sample]
-    width, times = Counter(map(len, rows)).most_common(1)[0]
+    width, times = max(Counter(map(len, rows)).items(), key=lambda item: (item[1], item[0]))
     cells = [kind(cell) for row in rows if len(row) == width for cell in row]
     share = sum(each is not Kind.TEXT for each in cells) / len(cells)
-    return round(share * times / len(rows), 2), width > 1, -SEPARATORS.index(separator)
+    return round(share * times / len(rows) * (1.0 if width > 1 else 0.3), 2), width > 1, -SEPARATORS.index(separator)
 
 
 def _by_commas(where: str, lines: Sequence[str], width: int) -> Dialect:
     """Commas between the columns: decimal commas can only stand in quotes."""
-    quoted = [cell for line in lines if '"' in line for cell in split(line, ",") if "," in cell and kind(cell) is Kind.NUMBER]
+    quoted = [
+        cell for line in lines if '"' in line for cell in split(line, ",") if "," in cell and kind(cell) is Kind.NUMBER
+    ]
     if quoted:
         return _decimals(where, ",", (cell for line in lines if '"' in line for cell in split(line, ",")))
     if not any("." in line for line in lines):
@@ -133,10 +138,14 @@ def _decimals(where: str, separator: str, cells: Iterable[str]) -> Dialect:
         elif points:
             point = cell
     if comma and grouped:
-        raise HarnessError(f"{where}: in '{comma}' the comma is a decimal one, in '{grouped}' it is not; write decimal points")
+        raise HarnessError(
+            f"{where}: in '{comma}' the comma is a decimal one, in '{grouped}' it is not; write decimal points"
+        )
     if grouped_point or comma:
         if point and not (grouped_point and re.fullmatch(r"[+-]?\d{1,3}\.\d{3}", point)):
-            raise HarnessError(f"{where}: decimals are written as in '{comma or grouped_point}' and as in '{point}'; only one can be")
+            raise HarnessError(
+                f"{where}: decimals are written as in '{comma or grouped_point}' and as in '{point}'; only one can be"
+            )
         return Dialect(separator, ",", "." if grouped_point else None)
     if grouped:
         return Dialect(separator, ".", ",")

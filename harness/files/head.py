@@ -51,7 +51,7 @@ def head_of(rows: Sequence[Sequence[str]], numbers: Sequence[int], last: Sequenc
     if not words:
         start = next(n for n, row in enumerate(rows) if not _wholly_text(row) and len(row) >= min(width, 2))
         return Head((), (), 0, start, start)
-    at, units = words[-1], ()
+    at, units = words[-1], tuple[str, ...]()
     for place in (words[-1], words[-1] - 1):
         if place in words and place - 1 in words and _are_units(rows[place]):
             at, units = place - 1, tuple(rows[place])

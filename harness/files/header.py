@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from ema_fmu_src import ports
 from harness.units import is_unit
 
-_BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\{(?P<curly>[^{}]*)\}|<(?P<angle>[^<>]*)>)\s*")
+_BRACKETS = re.compile(
+    r"(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\{(?P<curly>[^{}]*)\}|<(?P<angle>[^<>]*)>)\s*"
+)
 _SPLIT = re.compile(r"(?P<name>.+?)(?:\s*/\s*|\s+in\s+|\s*,\s+)(?P<unit>[^,\s]+)")
 _SUFFIX = re.compile(r"(?P<name>.+?)[_ -](?P<unit>[A-Za-z%]+(?:_?(?:per_)?(?:s|m|rad)2?)?)")
 _TAILS = {
-    "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "mrad": "mrad", "deg": "deg", "mm": "mm", "um": "um",
-    "cm": "cm", "rpm": "rpm", "rads": "rad/s", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s", "degs": "deg/s",
+    "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "mrad": "mrad", "deg": "deg", "mm": "mm",
+    "um": "um", "cm": "cm", "rpm": "rpm", "rads": "rad/s", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s", "degs": "deg/s",
     "deg_per_s": "deg/s", "mm_s": "mm/s", "mms": "mm/s", "mm_per_s": "mm/s", "m_s": "m/s", "m_per_s": "m/s", "mA": "mA",
     "Nm": "N.m", "mNm": "mN.m", "kN": "kN", "mV": "mV", "degC": "degC", "A": "A", "V": "V", "N": "N",
 }  # fmt: skip

@@ -13,7 +13,29 @@ from harness.files.table import Table
 from harness.files.text import read_text
 
 SUFFIXES = frozenset(
-    ".csv .txt .tsv .dat .asc .log .gz .parquet .pq .nc .cdf .h5 .hdf5 .hdf .mat .mf4 .mdf .dat .tdms .xlsx .xlsm".split()
+    [
+        ".csv",
+        ".txt",
+        ".tsv",
+        ".dat",
+        ".asc",
+        ".log",
+        ".gz",
+        ".parquet",
+        ".pq",
+        ".nc",
+        ".cdf",
+        ".h5",
+        ".hdf5",
+        ".hdf",
+        ".mat",
+        ".mf4",
+        ".mdf",
+        ".dat",
+        ".tdms",
+        ".xlsx",
+        ".xlsm",
+    ]
 )
 """Of files that are read where a folder is searched for them."""
 HDF5 = b"\x89HDF\r\n\x1a\n"

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,9 @@ from harness.files.head import Head, find_head
 from harness.files.table import Table
 
 COMMENTS = ("#", "%", "//")
+_OLD = tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1)
+EXACT: dict[str, Any] = {"float_precision": "round_trip"} if _OLD else {}
+"""Numbers to the last bit, as Python reads them; pandas does so by itself from 3.1 on, and warns if it is asked to."""
 
 
 def decode(path: Path, data: bytes) -> str:
@@ -132,7 +136,7 @@ def _parsed(path: Path, rows: Sequence[str], width: int, dialect: Dialect) -> pd
             na_values=missing,
             skipinitialspace=True,
             skip_blank_lines=False,
-            float_precision="round_trip",
+            **EXACT,
             low_memory=False,
         )
     except (pd.errors.ParserError, ValueError, OverflowError) as error:

@@ -39,9 +39,10 @@ class Twin(Component):
         """Fly `trial` with `parameters` (name -> value in the port's unit); every output over dimension time [s].
 
         The inputs load_torque and supply_voltage may stand among the parameters: constant where the trial gives none.
-        The dataset's variables carry units and long_name; the command is there too, and the other inputs where they are given. Its attributes are the trial, the
-        parameters, the FMU's hash, wall_s (of the communication loop), simulated_s, and stopped. `on_progress(points)` is
-        called now and then; if it answers True, the run stops there, and the dataset ends there, with stopped True.
+        The dataset's variables carry units and long_name; the command is there too, and the other inputs where they are
+        given. Its attributes are the trial, the parameters, the FMU's hash, wall_s (of the communication loop),
+        simulated_s, and stopped. `on_progress(points)` is called now and then; if it answers True, the run stops there, and
+        the dataset ends there, with stopped True.
         """
         given = dict(parameters or {})
         outputs = sorted(ports.OUTPUTS, key=lambda port: port.kind == "Boolean")

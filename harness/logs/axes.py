@@ -42,7 +42,9 @@ def axis_of(found: Found) -> Axis:
     unit = found.unit
     for low, high, scale, name in EPOCHS:
         if not unit and low <= first <= high:
-            return Axis(found, (values - first) * scale, first * scale, f"times count {name} since 1970; taken from the first row")
+            return Axis(
+                found, (values - first) * scale, first * scale, f"times count {name} since 1970; taken from the first row"
+            )
     scale, _ = in_unit(unit, "s", found.where) if unit else (1.0, 0.0)
     if EPOCHS[0][0] <= first * scale <= EPOCHS[0][1]:
         return Axis(found, (values - first) * scale, first * scale, "times count from 1970; taken from the first row")

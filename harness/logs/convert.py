@@ -66,6 +66,4 @@ def check_range(found: Found, key: str, values: Array, written: Array) -> None:
     if wrong.size:
         row = int(wrong[0])
         stated = "" if values[row] == written[row] else f" (as {written[row]:g} {found.unit})"
-        raise HarnessError(
-            f"{found.cell(row)}: {values[row]:g}{stated} is out of range, {low:g} to {high:g} {port.unit}"
-        )
+        raise HarnessError(f"{found.cell(row)}: {values[row]:g}{stated} is out of range, {low:g} to {high:g} {port.unit}")

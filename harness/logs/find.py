@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from harness.logs.guess import OWN, guesses, plain
 from harness.logs.mapping import ColumnSpec
 
 Array = NDArray[np.float64]
-LISTED = 12
-"""Columns that a message lists."""
+LISTED, LONGEST = 12, 40
+"""Columns that a message lists, and characters of a name."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,9 @@ def _stated(tables: Sequence[Table], spec: ColumnSpec) -> Found:
     first = tables[0]
     if hits:
         if hits[0].table is hits[1].table:
-            raise HarnessError(f"{first.at_header}: column '{name}' is there twice; give its number, such as {hits[0].column.number}")
+            raise HarnessError(
+                f"{first.at_header}: column '{name}' is there twice; give its number, such as {hits[0].column.number}"
+            )
         raise HarnessError(f"column '{name}' is in {hits[0].table.path} and in {hits[1].table.path}; write FILE:COLUMN")
     if name.isdigit():
         raise HarnessError(f"{first.path}: there is no column {name} for {spec.key}; it has {len(first.columns)}")
@@ -147,7 +150,7 @@ def _matches(table: Table, name: str) -> list[Column]:
         lambda column: column.name.lower().endswith(f".{name.lower()}"),
         lambda column: name.isdigit() and column.number == int(name),
     ):
-        hits = [column for column in table.columns if column.name and test(column) or not column.name and test(column)]
+        hits = [column for column in table.columns if (column.name and test(column)) or (not column.name and test(column))]
         if hits:
             return hits
     return []
@@ -163,8 +166,15 @@ def missing(table: Table, keys: Sequence[str], *, linear: bool = False) -> Harne
     return HarnessError(f"{table.at_header}: no column '{wanted}', found: {found}{more}{hint} ('ema columns' shows them)")
 
 
+def require_rows(where: Path | str, rows: int) -> None:
+    """HarnessError if there are fewer than two rows."""
+    if rows < 2:
+        raise HarnessError(f"{where}: {rows} row(s) of numbers; at least two are needed")
+
+
 def _listed(column: Column) -> str:
     if column.name:
-        return f"{column.name} [{column.unit}]" if column.unit else column.name
+        name = column.name if len(column.name) <= LONGEST else f"{column.name[:LONGEST]}..."
+        return f"{name} [{column.unit}]" if column.unit else name
     finite = column.values[np.isfinite(column.values)]
     return f"{column.number} ({finite.min():g} to {finite.max():g})" if finite.size else f"{column.number} (empty)"

@@ -10,33 +10,43 @@ from harness.files.table import Column, Table
 from harness.logs.mapping import KEYS
 
 _ALIASES = {
-    "time": "t time zeit timestamp timestamps temps tiempo elapsed elapsedtime seconds sec times zeitstempel clock tsec datetime date",
-    "command": "command cmd commanded commandedposition setpoint positionsetpoint positioncommand positioncmd cmdposition poscmd "
-    "cmdpos target targetposition positiontarget reference positionreference ref posref thetaref xref positionref demand soll "
-    "sollwert sollposition sollweg lagesoll setposition desired desiredposition commandposition poscommand input consigne",
-    "position": "position pos actualposition positionactual actualpos posactual positionactualvalue measuredposition "
-    "positionmeasured posmeas ist istwert istposition istweg lageist weg theta angle winkel x stroke displacement travel "
-    "encoder encoderposition feedback positionfeedback output extension rodposition shaftangle",
-    "motor_position": "motorposition motorangle rotorangle rotorposition thetam motorpos mechanicalangle resolver motorencoder",
-    "motor_speed": "motorspeed speed velocity actualspeed actualvelocity speedactual velocityactual velocityactualvalue omega w wm "
-    "omegam rotorspeed drehzahl motorvelocity motordrehzahl geschwindigkeit rpm n speedfeedback vel motorrpm",
-    "equivalent_current": "equivalentcurrent current iq motorcurrent actualcurrent currentactual currentactualvalue strom motorstrom "
-    "istrom qcurrent iqmeas iqactual torquecurrent i curr amps currentmeasured measuredcurrent drivecurrent currentfeedback",
-    "equivalent_current_filtered": "equivalentcurrentfiltered iqfiltered currentfiltered filteredcurrent iqfilt currentaveraged "
-    "currentactualvalueaveraged averagedcurrent currentavg meancurrent",
+    "time": "t time zeit timestamp timestamps temps tiempo elapsed elapsedtime seconds sec times "
+    "zeitstempel clock tsec datetime date",
+    "command": "command cmd commanded commandedposition setpoint positionsetpoint positioncommand "
+    "positioncmd cmdposition poscmd cmdpos target targetposition positiontarget reference "
+    "positionreference ref posref thetaref xref positionref demand soll sollwert "
+    "sollposition sollweg lagesoll setposition desired desiredposition commandposition "
+    "poscommand input consigne",
+    "position": "position pos actualposition positionactual actualpos posactual positionactualvalue "
+    "measuredposition positionmeasured posmeas ist istwert istposition istweg lageist weg "
+    "theta angle winkel x stroke displacement travel encoder encoderposition feedback "
+    "positionfeedback output extension rodposition shaftangle",
+    "motor_position": "motorposition motorangle rotorangle rotorposition thetam motorpos mechanicalangle "
+    "resolver motorencoder",
+    "motor_speed": "motorspeed speed velocity actualspeed actualvelocity speedactual velocityactual "
+    "velocityactualvalue omega w wm omegam rotorspeed drehzahl motorvelocity "
+    "motordrehzahl geschwindigkeit rpm n speedfeedback vel motorrpm",
+    "equivalent_current": "equivalentcurrent current iq motorcurrent actualcurrent currentactual "
+    "currentactualvalue strom motorstrom istrom qcurrent iqmeas iqactual torquecurrent i "
+    "curr amps currentmeasured measuredcurrent drivecurrent currentfeedback",
+    "equivalent_current_filtered": "equivalentcurrentfiltered iqfiltered currentfiltered filteredcurrent iqfilt "
+    "currentaveraged currentactualvalueaveraged averagedcurrent currentavg meancurrent",
     "phase_current_a": "phasecurrenta ia iu i1 currenta currentu phasecurrentu iphasea iphaseu phaseacurrent",
     "phase_current_b": "phasecurrentb ib iv i2 currentb currentv phasecurrentv iphaseb iphasev phasebcurrent",
     "phase_current_c": "phasecurrentc ic iw i3 currentc currentw phasecurrentw iphasec iphasew phaseccurrent",
     "supply_current": "supplycurrent idc buscurrent dclinkcurrent dccurrent batterycurrent ibus",
-    "load_torque": "loadtorque load torqueload externaltorque loadforce force externalforce last lastmoment kraft tload fload",
-    "supply_voltage": "supplyvoltage vdc udc vbus busvoltage dcvoltage dclinkvoltage supply udclink zwischenkreisspannung "
-    "batteryvoltage uzk vsupply",
+    "load_torque": "loadtorque load torqueload externaltorque loadforce force externalforce last "
+    "lastmoment kraft tload fload",
+    "supply_voltage": "supplyvoltage vdc udc vbus busvoltage dcvoltage dclinkvoltage supply udclink "
+    "zwischenkreisspannung batteryvoltage uzk vsupply",
     "temperature": "temperature temp windingtemperature motortemperature temperatur tmotor motortemp housingtemperature",
     "position_error": "positionerror error followingerror followerror trackingerror lagerror schleppfehler poserror poserr",
-    "position_demand": "positiondemand demandposition positiondemandvalue profileposition plannedposition interpolatedposition",
+    "position_demand": "positiondemand demandposition positiondemandvalue profileposition plannedposition "
+    "interpolatedposition",
     "run": "run runnumber runid cycle cyclenumber repetition trial lauf zyklus strokenumber",
     "group": "group test testnumber testid series session gruppe batch",
 }
+"""Words without case, blanks and signs: of CiA 402, of common loggers, German ones."""
 ALIASES = {alias: key for key, words in _ALIASES.items() for alias in words.split()}
 
 
@@ -89,7 +99,7 @@ def _by_word(column: Column) -> str:
 
 
 def _by_numbers(columns: Sequence[Column]) -> list[tuple[Column, str]]:
-    """Without words: the first column that only rises is the time; of the rest the first is commanded, and its likest follows."""
+    """Without words: the first column that only rises is the time, the next is commanded, and what is most like it follows."""
     rising = next((c for c in columns if len(c.values) > 1 and not c.labels and bool(np.all(np.diff(c.values) > 0.0))), None)
     if rising is None:
         return []
@@ -108,7 +118,8 @@ def _by_numbers(columns: Sequence[Column]) -> list[tuple[Column, str]]:
 def _counts(column: Column) -> bool:
     """Whether it holds whole numbers in long rows of the same, as a stroke's number does."""
     finite = column.values[np.isfinite(column.values)]
-    return finite.size > 1 and bool(np.all(finite == np.rint(finite))) and np.count_nonzero(np.diff(finite)) < 0.1 * finite.size
+    whole = finite.size > 1 and bool(np.all(finite == np.rint(finite)))
+    return whole and int(np.count_nonzero(np.diff(finite))) < 0.1 * finite.size
 
 
 def _varies(column: Column) -> bool:

@@ -37,7 +37,8 @@ class Log:
     position that was measured on the motor is `motor_position`: the rotor's angle. `between`: what the command does
     between rows; None if nobody said. `loggers`: port -> how it was taken, "sampled" for those not named. `output`: how
     it is shown. `others`: what is no port: `temperature` [degC], and `target` [rad], the command before a path planner,
-    where what is flown is its demand. `remarks`: a line for each thing a user should know (rows masked, gaps, columns left out, what is open).
+    where what is flown is its demand. `remarks`: a line for each thing a user should know
+    (rows masked, gaps, columns left out, what is open).
     """
 
     name: str

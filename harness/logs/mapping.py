@@ -16,7 +16,8 @@ SIDED = ("position", "position_error")
 """What may be measured on the motor and given on the user's side."""
 _BRACKET = re.compile(r"(?P<column>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*(?P<words>[^\[\]]*)")
 _WORDS = re.compile(
-    r"(?P<column>.*?)(?P<words>(?:\s+(?:held|ramped|motor|user|sampled|averaged|filtered\s+[\d.,eE+-]+\s*[a-zµ]*))+)", re.DOTALL
+    r"(?P<column>.*?)(?P<words>(?:\s+(?:held|ramped|motor|user|sampled|averaged|filtered\s+[\d.,eE+-]+\s*[a-zµ]*))+)",
+    re.DOTALL,
 )
 _FILTERED = re.compile(r"filtered\s+([\d.,eE+-]+\s*[a-zµ]*)")
 
@@ -104,7 +105,9 @@ DIMENSIONLESS = re.compile(r"%|percent|ppm|counts?|1|bits?|incs?|increments?", r
 def in_unit(unit: str, target: str, where: str) -> tuple[float, float]:
     """As `units.conversion`; but counts and per cent are no angles, and a length where an angle is due needs a lead."""
     if "rad" in target and DIMENSIONLESS.fullmatch(unit.strip()):
-        raise HarnessError(f"{where}: [{unit}] is no angle, [{target}] is needed; state what one of it is, such as [0.01 deg]")
+        raise HarnessError(
+            f"{where}: [{unit}] is no angle, [{target}] is needed; state what one of it is, such as [0.01 deg]"
+        )
     try:
         return _scaled(unit, target, where)
     except HarnessError as error:

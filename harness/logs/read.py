@@ -13,13 +13,14 @@ from harness.files.reader import read_table
 from harness.files.table import Table
 from harness.logs.axes import Axis, axis_of, check_rises, joined
 from harness.logs.convert import inside
-from harness.logs.find import Found, find, find_times, missing
+from harness.logs.find import Found, find, find_times, missing, require_rows
 from harness.logs.guess import guesses
 from harness.logs.log import CHANNELS, Log
 from harness.logs.mapping import INPUTS, KEYS, ColumnSpec, parse_specs
 from harness.logs.run import Rows, log_of
 
 Array = NDArray[np.float64]
+
 
 def read_log(
     path: Path,
@@ -67,6 +68,7 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
     _check_enough(first, found, bool(any_times), linear=linear)
     if "position" in found:
         found.pop("position_error", None)
+    require_rows(first.path, max(len(each.column.values) for each in found.values()))
     axes: dict[tuple[int, int], Axis] = {}
     of: dict[str, tuple[int, int]] = {}
     for key, each in found.items():
@@ -75,7 +77,9 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
             raise missing(each.table, ["time"], linear=linear)
         of[key] = (tables.index(each.table), times.column.number)
         axes.setdefault(of[key], axis_of(times))
-    remarks = [remark for table in tables for remark in table.remarks] + [axis.remark for axis in axes.values() if axis.remark]
+    remarks = [remark for table in tables for remark in table.remarks] + [
+        axis.remark for axis in axes.values() if axis.remark
+    ]
     values: dict[str, Array] = {}
     labels: dict[str, Sequence[str]] = {}
     for key, each in found.items():
@@ -116,7 +120,11 @@ def _check_enough(first: Table, found: Mapping[str, Found], times: bool, *, line
 def _left_out(table: Table, found: Mapping[str, Found]) -> list[str]:
     """A remark on columns that look like an input but are not taken: a misspelt load is no load."""
     used = {each.column.number for each in found.values() if each.table is table}
-    lost = [guess for guess in guesses(table) if guess.key in INPUTS[1:] and guess.column.number not in used and guess.key not in found]
+    lost = [
+        guess
+        for guess in guesses(table)
+        if guess.key in INPUTS[1:] and guess.column.number not in used and guess.key not in found
+    ]
     return [f"column {guess.column.called} is left out; to take it: {guess.flag}" for guess in lost]
 
 

@@ -13,7 +13,7 @@ from harness.errors import HarnessError
 from harness.files.reader import stem
 from harness.files.table import Table
 from harness.logs.axes import Axis, check_rises, filled
-from harness.logs.find import Found
+from harness.logs.find import Found, require_rows
 from harness.logs.log import CHANNELS, Between, Log, Logger
 from harness.logs.spikes import spikes
 
@@ -55,10 +55,13 @@ def log_of(
 ) -> Log:
     """The run of the rows `which`; HarnessError, with the line, for what cannot be used."""
     where = f"{path}, run {name}" if name else str(path)
-    if len(which) < 2:
-        raise HarnessError(f"{where}: {len(which)} row(s) of numbers; at least two are needed")
+    require_rows(where, len(which))
     if rows.own:
-        check_rises(rows.axis, which, "" if rows.labels else "; if the file holds several runs, name their column: --column run=COLUMN")
+        check_rises(
+            rows.axis,
+            which,
+            "" if rows.labels else "; if the file holds several runs, name their column: --column run=COLUMN",
+        )
     remarks = list(rows.remarks)
     flown = "position_demand" if "position_demand" in rows.found else "command"
     between = rows.found[flown].spec.between
@@ -79,14 +82,24 @@ def log_of(
             others["target"] = rows.values["command"][which]
     remarks += _gaps(time) + _open(channels)
     return Log(
-        f"{stem(path)} {name}" if name else stem(path), path, time, inputs, channels, between, loggers, output, group, others, tuple(remarks)
+        f"{stem(path)} {name}" if name else stem(path),
+        path,
+        time,
+        inputs,
+        channels,
+        between,
+        loggers,
+        output,
+        group,
+        others,
+        tuple(remarks),
     )
 
 
 def _commanded(
     rows: Rows, which: NDArray[np.intp], flown: str, between: Between | None, remarks: list[str]
 ) -> NDArray[np.intp]:
-    """The rows from the first to the last with a command; those between may have none only if it is said what it does there."""
+    """The rows from the first to the last with a command; between them it may be missing where it is said what it does."""
     known = np.isfinite(rows.values[flown][which])
     if not known.any():
         raise HarnessError(f"{rows.found[flown].where}: holds no number in this run")
@@ -132,7 +145,9 @@ def _channels(
             remarks.append(f"{np.count_nonzero(bad)} isolated spike(s) are masked{line}")
             series[bad] = np.nan
         elif rows.own and np.isnan(series).any():
-            remarks.append(f"column {found.column.called}: no number in {np.count_nonzero(np.isnan(series))} of {len(series)} rows")
+            remarks.append(
+                f"column {found.column.called}: no number in {np.count_nonzero(np.isnan(series))} of {len(series)} rows"
+            )
         known = series[np.isfinite(series)]
         if not known.size or np.ptp(known) == 0.0:
             remarks.append(f"column {found.column.called} ({key}): {SAME}")

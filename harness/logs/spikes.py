@@ -29,7 +29,9 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     rest[candidates] = False
     low, high = float(series[rest].min()), float(series[rest].max())
     far = FAR * (high - low)
-    found = candidates[(series[candidates] > high + far) | (series[candidates] < low - far)] if high > low else candidates[:0]
+    found = (
+        candidates[(series[candidates] > high + far) | (series[candidates] < low - far)] if high > low else candidates[:0]
+    )
     if len(found) <= most:
         masked[known[found]] = True
     return masked

@@ -65,7 +65,9 @@ def table_of(path: Path, arrays: Iterable[Array], remarks: Sequence[str] = ()) -
 def _apart(array: Array) -> list[Array]:
     values = np.squeeze(np.asarray(array.values))
     if values.ndim == 1 and values.dtype.names:
-        return [Array(f"{array.path}.{name}".lstrip("."), values[name], array.unit, array.time) for name in values.dtype.names]
+        return [
+            Array(f"{array.path}.{name}".lstrip("."), values[name], array.unit, array.time) for name in values.dtype.names
+        ]
     if values.ndim == 1:
         return [Array(array.path, values, array.unit, array.time)]
     if values.ndim == 2 and values.shape[1] <= WIDEST:
@@ -83,7 +85,9 @@ def _distinct(arrays: list[Array]) -> list[Array]:
 
 def _times_of(array: Array, others: Sequence[Array]) -> str:
     """Path of the times of an array: the nearest array of the same length that is named like a time; "" if there is none."""
-    fitting = [each for each in others if each.values.size == array.values.size and parse_words([each.leaf])[0][0].lower() in TIMES]
+    fitting = [
+        each for each in others if each.values.size == array.values.size and parse_words([each.leaf])[0][0].lower() in TIMES
+    ]
     fitting.sort(key=lambda each: (each.parent != array.parent, not array.parent.startswith(each.parent)))
     if not fitting:
         return f"(none of {array.values.size} rows)"

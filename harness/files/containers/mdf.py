@@ -3,6 +3,7 @@
 import logging
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 from harness.files.containers.arrays import Array, table_of
 from harness.files.table import Table
@@ -15,8 +16,9 @@ def read(path: Path, data: bytes) -> Table:
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     arrays: list[Array] = []
     with MDF(BytesIO(data)) as file:
-        several = sum(len(group.channels) > 1 for group in file.groups) > 1
-        for place, group in enumerate(file.groups):
+        groups: list[Any] = list(file.groups)
+        several = sum(len(group.channels) > 1 for group in groups) > 1
+        for place, group in enumerate(groups):
             if len(group.channels) < 2:
                 continue
             stated = getattr(getattr(group, "channel_group", None), "acq_name", "") or ""
@@ -35,5 +37,9 @@ def read(path: Path, data: bytes) -> Table:
                     continue
                 signal = file.get(group=place, index=index)
                 if signal.samples.dtype.kind in "biuf" and signal.samples.ndim == 1:
-                    arrays.append(Array(f"{before}{channel.name.replace('.', '_')}", signal.samples, signal.unit or "", f"{before}time"))
+                    arrays.append(
+                        Array(
+                            f"{before}{channel.name.replace('.', '_')}", signal.samples, signal.unit or "", f"{before}time"
+                        )
+                    )
     return table_of(path, arrays)

@@ -42,7 +42,9 @@ def _flat(dataset: Any) -> list[Array]:
         if variable.ndim != 1 or variable.dtype.kind not in "biufM":
             continue
         unit, since, _ = str(variable.attrs.get("units", variable.attrs.get("unit", ""))).partition(" since ")
-        arrays.append(Array(str(name), variable.values, {"seconds": "s"}.get(unit, unit) if since else unit, str(variable.dims[0])))
+        arrays.append(
+            Array(str(name), variable.values, {"seconds": "s"}.get(unit, unit) if since else unit, str(variable.dims[0]))
+        )
     if not arrays:
         raise HarnessError(f"{dataset.encoding.get('source', 'the dataset')}: holds no variable of one dimension")
     return arrays

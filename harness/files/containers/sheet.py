@@ -21,7 +21,9 @@ def read(path: Path, data: bytes) -> Table:
 
     book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
     for sheet in book.worksheets:
-        numbered = [(n, row) for n, row in enumerate(sheet.iter_rows(values_only=True), start=1) if any(c is not None for c in row)]
+        numbered = [
+            (n, row) for n, row in enumerate(sheet.iter_rows(values_only=True), start=1) if any(c is not None for c in row)
+        ]
         rows = [[_text(cell) for cell in row] for _, row in numbered]
         if not any(kind(cell) is Kind.NUMBER for row in rows for cell in row):
             continue
