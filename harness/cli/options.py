@@ -35,8 +35,20 @@ FmuDir = Annotated[Path | None, typer.Option("--fmus", metavar="DIR", help="Fold
 TrialFile = Annotated[
     Path | None,
     typer.Option(
-        "--trial-file", metavar="FILE.csv", help="A trial of your own: time, command[, load_torque, supply_voltage]."
+        "--trial-file", metavar="FILE", help="A trial of your own: time, command[, load_torque, supply_voltage]; any format."
     ),
+]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="PORT=COLUMN",
+        help="A column by its header word or number, with '[unit]' and words: 'position=4 [mm] motor'; several times.",
+    ),
+]
+WithFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--with", metavar="FILE2", help="More columns of the same run, joined by time; several times."),
 ]
 Monitor = Annotated[str, typer.Option("--monitor", metavar="FIDELITY", help=f"The model: {', '.join(FIDELITIES)}.")]
 Limits = Annotated[
@@ -71,8 +83,17 @@ def chosen_monitor(
     return model, parameters
 
 
-def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
-    """Trials by name and from a file, the paper's three if neither is given.
+def chosen_columns(texts: list[str] | None, actuator: "Actuator | None" = None) -> dict[str, str]:
+    """Port -> column, unit and words: the actuator's `[log]`, and over it `--column`; HarnessError for what says nothing."""
+    from harness.logs.mapping import parse_columns
+
+    return parse_columns(texts or [], actuator.log if actuator else None)
+
+
+def chosen_trials(
+    names: list[str] | None, file: Path | None, actuator: "Actuator | None" = None, *, columns: list[str] | None = None
+) -> "list[Trial]":
+    """Trials by name and from a file, the paper's three if neither is given; the file has the actuator's units outside.
 
     HarnessError for a name that is unknown, a file that cannot be read, or one that has the name of a trial.
     """
@@ -80,8 +101,10 @@ def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
     from harness.trials import PAPER, trial
 
     chosen = {flown.name: flown for flown in map(trial, names or [])}
+    if columns and not file:
+        raise HarnessError("--column: goes with --trial-file, whose columns it names")
     if file:
-        own = read_trial(file)
+        own = read_trial(file, actuator.output if actuator else None, chosen_columns(columns))
         if own.name.upper() in chosen:
             raise HarnessError(f"--trial-file {file}: {own.name} is flown already, rename the file")
         chosen[own.name] = own

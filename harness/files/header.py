@@ -13,9 +13,10 @@ _SPLIT = re.compile(r"(?P<name>.+?)(?:\s*/\s*|\s+in\s+|\s*,\s+)(?P<unit>[^,\s]+)
 _SUFFIX = re.compile(r"(?P<name>.+?)[_ -](?P<unit>[A-Za-z%]+(?:_?(?:per_)?(?:s|m|rad)2?)?)")
 _TAILS = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "mrad": "mrad", "deg": "deg", "mm": "mm",
-    "um": "um", "cm": "cm", "rpm": "rpm", "rads": "rad/s", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s", "degs": "deg/s",
-    "deg_per_s": "deg/s", "mm_s": "mm/s", "mms": "mm/s", "mm_per_s": "mm/s", "m_s": "m/s", "m_per_s": "m/s", "mA": "mA",
-    "Nm": "N.m", "mNm": "mN.m", "kN": "kN", "mV": "mV", "degC": "degC", "A": "A", "V": "V", "N": "N",
+    "um": "um", "cm": "cm", "rpm": "rpm", "rads": "rad/s", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s",
+    "degs": "deg/s", "deg_per_s": "deg/s", "mm_s": "mm/s", "mms": "mm/s", "mm_per_s": "mm/s", "m_s": "m/s",
+    "m_per_s": "m/s", "mA": "mA", "Nm": "N.m", "mNm": "mN.m", "kN": "kN", "mV": "mV", "degC": "degC", "A": "A",
+    "V": "V", "N": "N",
 }  # fmt: skip
 """Endings of header words that are units, as they are written there."""
 _LETTERS = {"A", "V", "N"}

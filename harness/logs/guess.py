@@ -99,7 +99,7 @@ def _by_word(column: Column) -> str:
 
 
 def _by_numbers(columns: Sequence[Column]) -> list[tuple[Column, str]]:
-    """Without words: the first column that only rises is the time, the next is commanded, and what is most like it follows."""
+    """Without words: the first column that only rises is the time, the next is commanded, what is most like it follows."""
     rising = next((c for c in columns if len(c.values) > 1 and not c.labels and bool(np.all(np.diff(c.values) > 0.0))), None)
     if rising is None:
         return []
