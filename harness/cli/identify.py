@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import Columns, FmuDir, Limits, Monitor, Settings, Threshold, WithFiles, chosen_columns, chosen_monitor
+from harness.cli.options import (
+    Columns,
+    FmuDir,
+    Limits,
+    Monitor,
+    Settings,
+    Threshold,
+    WithFiles,
+    chosen_columns,
+    chosen_monitor,
+)
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, THRESHOLD, parse_limits

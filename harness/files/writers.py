@@ -54,7 +54,7 @@ def _netcdf(run: xr.Dataset) -> bytes:
     """NetCDF 4 with CF's attribute `units`."""
     import h5netcdf  # noqa: F401 (the engine; a missing one is told apart from a broken run)
 
-    plain = run.assign_attrs(_attributes(run)).drop_attrs(deep=False).assign_attrs(_attributes(run))
+    plain = run.drop_attrs(deep=False).assign_attrs(_attributes(run))
     for name in plain.data_vars:
         if plain[name].dtype.kind == "b":
             plain[name] = plain[name].astype(np.int8).assign_attrs(run[name].attrs)
@@ -94,7 +94,9 @@ def _mdf(run: xr.Dataset) -> bytes:
 
 def _attributes(run: xr.Dataset) -> dict[str, str]:
     """What is known of the run, as texts."""
-    return {str(key): value if isinstance(value, str) else json.dumps(value, default=float) for key, value in run.attrs.items()}
+    return {
+        str(key): value if isinstance(value, str) else json.dumps(value, default=float) for key, value in run.attrs.items()
+    }
 
 
 FORMATS: dict[str, Callable[[xr.Dataset], bytes]] = {
