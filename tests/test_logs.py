@@ -95,8 +95,9 @@ def _rows(count: int = 60, step: float = 0.01) -> dict[str, np.ndarray]:
 def test_words_say_side_steps_and_filters(tmp_path: Path) -> None:
     stated = {"command": "command [mm] held", "position": "position [mm] motor averaged", "time": "1 [ms]"}
     rows = _rows() | {"motor_speed": np.cos(_rows()["time"])}
-    log = _log(tmp_path, lines(rows | {"time": 1e3 * rows["time"]}), stated | {"motor_speed": "motor_speed [mm/s] filtered 2 ms"},
-               output=Output(lead=0.005), parameters={"gear.ratio": 30.0})  # fmt: skip
+    table = lines(rows | {"time": 1e3 * rows["time"]})
+    stated["motor_speed"] = "motor_speed [mm/s] filtered 2 ms"
+    log = _log(tmp_path, table, stated, output=Output(lead=0.005), parameters={"gear.ratio": 30.0})
     assert log.between is Between.HELD
     assert log.loggers == {"motor_position": Logger("averaged"), "motor_speed": Logger("filtered", 0.002)}
     turn = 2.0 * np.pi / 5.0  # rad a mm
@@ -191,7 +192,7 @@ def test_gaps_missing_cells_and_spikes_are_said(tmp_path: Path) -> None:
 
 
 def test_inrush_peaks_and_noise_are_no_spikes() -> None:
-    """A square wave's inrush lasts one row at 100 Hz; the second time, its neighbours know it, for it comes again."""
+    """A square wave's inrush lasts one row at 100 Hz; it is none, for other rows show it too."""
     rng = np.random.default_rng(0)
     assert not spikes(rng.standard_normal(2000)).any() and not spikes(np.where(np.arange(500) < 250, 0.0, 1.0)).any()
     current = np.zeros(1000)
