@@ -225,6 +225,16 @@ def test_options_win_over_the_actuators_log_and_are_checked() -> None:
     assert parse_columns(["position = 3 [mm]"], log) == {"time": "1 [ms]", "position": "3 [mm]"}
 
 
+def test_a_loggers_layout_does_not_hold_for_our_own_runs(fmus: dict[str, Path], tmp_path: Path) -> None:
+    (tmp_path / "own.csv").write_text("time,command\n0,0\n0.05,0.01\n")
+    words = ["--fidelity", "LF", "--reference", "LF", "--fmus", str(fmus["LF"].parent), "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, ["run", "--trial-file", str(tmp_path / "own.csv"), *words]).exit_code == 0
+    stated = {"time": "1 [ms]", "command": "2 [mm] held", "position": "4 [mm] motor"}
+    log = read_one(tmp_path / "own_LF.csv", stated)
+    assert log.time[-1] == pytest.approx(0.05) and "position" in log.channels
+    assert any("a file of ema run" in line for line in log.remarks)
+
+
 BAD_COLUMNS = {
     "position": "PORT=COLUMN",
     "positon=3": "did you mean position",

@@ -17,6 +17,9 @@ from harness.parameters import merged
 
 Array = NDArray[np.float64]
 
+MOST_ECCENTRIC = 0.97
+"""Of motor.p * fault.zeta, which has to stay below 1: more pole pairs leave less room than the search has."""
+
 
 class Model:
     """A fidelity's FMU, from the folder `fmus`, that predicts a measured run; a context manager.
@@ -29,6 +32,7 @@ class Model:
         self.evaluations = 0
         self._measured = measured
         self._parameters = merged(fidelity, {**measured.initial, **parameters})
+        self._pairs = parameters.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
         self._outputs = [port for port in ports.OUTPUTS if port.name in measured.channels]
         self._columns = [[port.name for port in self._outputs].index(name) for name in measured.channels]
         trial = measured.trial
@@ -51,7 +55,9 @@ class Model:
         """
         self.evaluations += 1
         trial = self._measured.trial
-        values, _ = self._twin.record(trial, self._parameters | coordinates.to_parameters(z), self._outputs)
+        faults = coordinates.to_parameters(z)
+        faults["fault.zeta"] = min(faults["fault.zeta"], MOST_ECCENTRIC / self._pairs)
+        values, _ = self._twin.record(trial, self._parameters | faults, self._outputs)
         if self._rows is not None:
             return np.ascontiguousarray(values[self._rows][:, self._columns])
         return np.column_stack([np.interp(self._measured.time, trial.time, values[:, column]) for column in self._columns])
