@@ -72,9 +72,8 @@ def _plain(texts: "pd.Series[str]", dialect: Dialect | None) -> "pd.Series[str]"
     """Numbers with decimal points and nothing between thousands."""
     if dialect is None or dialect.decimal == ".":
         return texts
-    if dialect.thousands:
-        texts = texts.str.replace(dialect.thousands, "")
-    return texts.str.replace(dialect.decimal, ".")
+    texts = texts.str.replace(dialect.thousands or ".", "" if dialect.thousands else "?", regex=False)
+    return texts.str.replace(dialect.decimal, ".", regex=False)
 
 
 def _moments(name: str, number: int, time: str, moments: Any) -> tuple[Column, str]:
