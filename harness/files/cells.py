@@ -65,7 +65,8 @@ def column_of(
             return _moments(name, number, time, moments)
     codes, labels = pd.factorize(texts.where(known), use_na_sentinel=True)
     places = np.where(codes < 0, np.nan, codes.astype(float))
-    return Column(name, unit, places, number, time, tuple(map(str, labels))), ""
+    odd = int(np.flatnonzero(known.to_numpy())[int(np.argmax(numbers.isna().to_numpy()))])
+    return Column(name, unit, places, number, time, tuple(map(str, labels)), odd), ""
 
 
 def _plain(texts: "pd.Series[str]", dialect: Dialect | None) -> "pd.Series[str]":
