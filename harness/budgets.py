@@ -12,16 +12,24 @@ import xarray as xr
 
 from ema_fmu_src import ports
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
+from harness.actuators.actuator import DEFAULT as ACTUATOR
 from harness.actuators.actuator import Output
 from harness.comparison import Comparison
 from harness.errors import HarnessError
+from harness.files.reader import read_table
 from harness.files.toml import read_toml
+from harness.files.writers import FORMATS
 from harness.flight import fmufile
 from harness.flight.experiment import Experiment
 from harness.flight.isolate import TIME_LIMIT, Isolated
+from harness.logs.axes import axis_of
+from harness.logs.convert import inside
+from harness.logs.find import Found
+from harness.logs.mapping import ColumnSpec
 from harness.parameters import merged
-from harness.trials import BUILT_IN, ROTARY, inside, outside_units, trial
+from harness.trials import BUILT_IN, trial
 
+ROTARY = ACTUATOR.output
 DEFAULT = Path(__file__).with_name("budgets.toml")
 PEAK_FACTOR = 5.0
 """A budget is an rms: single points may differ by so many budgets before the trajectory has left its tube."""
@@ -138,9 +146,7 @@ def check(
 
         for name, fidelities in budgets.items():
             if stored:
-                expected = _stored(stored / f"{name}_{REFERENCE.name}.csv", name, output).assign_attrs(
-                    fidelity=experiment.reference
-                )
+                expected = _stored(stored, name, output).assign_attrs(fidelity=experiment.reference)
             elif reference:
                 expected = flown(reference, name, parameters or {}, experiment.reference)
             else:
@@ -160,29 +166,32 @@ def check(
     return verdicts, experiment
 
 
-def _stored(path: Path, name: str, output: Output) -> xr.Dataset:
-    """The run of the trial `name` in a CSV file, with the attributes that a page needs."""
+def _stored(folder: Path, name: str, output: Output) -> xr.Dataset:
+    """The run of the trial `name` in a folder that `ema run` wrote, with the attributes that a page needs."""
+    stem = f"{name}_{REFERENCE.name}"
+    path = next((path for suffix in FORMATS if (path := folder / f"{stem}.{suffix}").exists()), folder / f"{stem}.csv")
     try:
-        names = path.read_text(encoding="utf-8").partition("\n")[0].split(",")
-        told = {f"{port} [{unit}]": port for port, unit in outside_units(output).items()}
-        columns = [told.get(word.strip(), word.strip()) for word in names]
-        values = np.atleast_2d(np.genfromtxt(path, delimiter=",", skip_header=1))
-        table = inside(dict(zip(columns, values.T, strict=True)), output)
-    except (OSError, ValueError) as error:
+        table = read_table(path)
+    except HarnessError as error:
         raise HarnessError(f"{path}: no stored results of {name}: {error}; ema run writes them") from None
-    outputs = [port for port in ports.OUTPUTS if port.name in columns]
-    if not outputs or "time" not in columns:
-        raise HarnessError(f"{path}: columns time and outputs are needed, found: {', '.join(columns or ['none'])}")
-    data: dict[str, Any] = {port.name: ("time", table[port.name], {"units": port.unit}) for port in outputs}
-    data["command"] = ("time", table["command"] if "command" in columns else np.full(len(values), np.nan))
+    found = {each.name: Found(table, each, ColumnSpec(each.name, each.name)) for each in table.columns}
+    outputs = [port for port in ports.OUTPUTS if port.name in found]
+    if not outputs or "time" not in found:
+        raise HarnessError(f"{path}: columns time and outputs are needed, found: {', '.join(found) or 'none'}")
+    time = axis_of(found["time"]).time
+    data: dict[str, Any] = {
+        port.name: ("time", inside(found[port.name], output, ratio=1.0), {"units": port.unit}) for port in outputs
+    }
+    command = inside(found["command"], output, ratio=1.0) if "command" in found else np.full(len(time), np.nan)
+    data["command"] = ("time", command)
     attributes = {
         "trial": name,
         "fmu": path.name,
         "fmu_sha256": fmufile.content_hash(path),
         "wall_s": float("nan"),
-        "simulated_s": float(table["time"][-1] - table["time"][0]),
+        "simulated_s": float(time[-1] - time[0]),
     }
-    return xr.Dataset(data, {"time": ("time", table["time"])}, attributes)
+    return xr.Dataset(data, {"time": ("time", time)}, attributes)
 
 
 def _verdicts(

@@ -75,3 +75,13 @@ def _spelled(unit: str) -> str:
     text = text.replace("°C", "degC").replace("°", "deg").replace("%", "percent")
     text = re.sub(r"(?<=[A-Za-z0-9)])\s*[.·⋅*]\s*(?=[A-Za-z(])", "*", text)
     return re.sub(r"(?<=[A-Za-z])\^?(-?\d+)", r"**\1", text)
+
+
+@cache
+def is_unit(text: str) -> bool:
+    """Whether `text` names a unit, such as `mm/s` or `%`."""
+    try:
+        _registry().parse_units(_spelled(text).replace("dimensionless", ""))
+    except Exception:  # noqa: BLE001 (pint passes on what its tokenizer raises)
+        return False
+    return bool(text.strip())

@@ -278,15 +278,16 @@ def test_a_linear_actuator_is_in_metres_outside(
     code = ema(monkeypatch, "run", *words, "--fidelity", "LF", "--reference", "LF", "--json", tmp_path / "run.json")
     assert code == 0
     header, *rows = (tmp_path / "own_LF.csv").read_text().splitlines()
-    assert header.startswith("time,command [m],position [m],motor_position,")
-    found = np.array([[float(cell) for cell in row.split(",")[:4]] for row in rows])
+    assert header.startswith("time,command [m],load_torque [N],supply_voltage,position [m],motor_position,")
+    found = np.array([[float(cell) for cell in row.split(",")[:6]] for row in rows])
+    np.testing.assert_allclose(found[:, 2], 3.0)
     actuator = read_actuator(str(worked))
     points = grid(0.0, 1001, STEP)
     inputs = {"command": np.interp(points, time, metres) / TRAVEL, "load_torque": np.full(1001, 3.0 * TRAVEL)}
     with Twin(fmus["LF"]) as twin:
         run = twin.run(Trial("own", 0.0, STEP, inputs, ""), actuator.parameters)
-    np.testing.assert_allclose(found[:, 2], run.position * TRAVEL, atol=1e-9 * 1e-4)
-    np.testing.assert_allclose(found[:, 3], run.motor_position, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(found[:, 4], run.position * TRAVEL, atol=1e-9 * 1e-4)
+    np.testing.assert_allclose(found[:, 5], run.motor_position, rtol=1e-6, atol=1e-6)
     assert json.loads((tmp_path / "run.json").read_text())["actuator"] == actuator.identity
     page = (tmp_path / "report.html").read_text()
     assert "Position [m]" in page and "Actuator <b>mine</b>: a worked example" in page

@@ -10,17 +10,19 @@ import typer
 from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
+    Columns,
     FmuDir,
     Limits,
     Monitor,
     Settings,
     Threshold,
     chosen_actuator,
+    chosen_columns,
     chosen_limits,
     chosen_monitor,
-    required_extra,
 )
 from harness.cli.terminal import progress, show
+from harness.errors import required_extra
 from harness.faults import ESTIMATED, THRESHOLD
 
 if TYPE_CHECKING:
@@ -28,7 +30,8 @@ if TYPE_CHECKING:
 
 
 def monitor(
-    runs: Annotated[Path, typer.Argument(metavar="RUNS", help="A folder of measured runs, or a CSV list: date,file.")],
+    runs: Annotated[Path, typer.Argument(metavar="RUNS", help="A folder of measured runs, or a list: date,file.")],
+    columns: Columns = None,
     model: Monitor = "ELF+",
     actuator: ActuatorOption = None,
     settings: Settings = None,
@@ -71,6 +74,7 @@ def monitor(
             threshold=threshold,
             workers=workers,
             output=chosen.output,
+            columns=chosen_columns(columns, chosen),
             on_flight=lambda: shown.advance(task),
         )
     found = outlook(history, health_limits, unit)

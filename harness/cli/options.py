@@ -1,7 +1,6 @@
 """Options that several commands share, and what they become."""
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,8 +35,20 @@ FmuDir = Annotated[Path | None, typer.Option("--fmus", metavar="DIR", help="Fold
 TrialFile = Annotated[
     Path | None,
     typer.Option(
-        "--trial-file", metavar="FILE.csv", help="A trial of your own: time, command[, load_torque, supply_voltage]."
+        "--trial-file", metavar="FILE", help="A trial of your own: time, command[, load_torque, supply_voltage]; any format."
     ),
+]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="PORT=COLUMN",
+        help="A column by its header word or number, with '[unit]' and words: 'position=4 [mm] motor'; several times.",
+    ),
+]
+WithFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--with", metavar="FILE2", help="More columns of the same run, joined by time; several times."),
 ]
 Monitor = Annotated[str, typer.Option("--monitor", metavar="FIDELITY", help=f"The model: {', '.join(FIDELITIES)}.")]
 Limits = Annotated[
@@ -47,15 +58,6 @@ Limits = Annotated[
 Threshold = Annotated[
     float, typer.Option("--threshold", metavar="PART", help="Loss of health from which a fault is alarmed.")
 ]
-
-
-@contextmanager
-def required_extra(extra: str) -> Iterator[None]:
-    """Turns a missing library into one line that names the extra which installs it."""
-    try:
-        yield
-    except ImportError as error:
-        raise HarnessError(f"this command needs {error.name}: pip install 'ema-twins[{extra}]'") from None
 
 
 def chosen_actuator(name: str | None) -> "Actuator":
@@ -106,16 +108,28 @@ def chosen_monitor(
     return model, {port: value for port, value in parameters.items() if port not in estimated}
 
 
-def chosen_trials(names: list[str] | None, file: Path | None, actuator: "Actuator | None" = None) -> "list[Trial]":
+def chosen_columns(texts: list[str] | None, actuator: "Actuator | None" = None) -> dict[str, str]:
+    """Port -> column, unit and words: the actuator's `[log]`, and over it `--column`; HarnessError for what says nothing."""
+    from harness.logs.mapping import parse_columns
+
+    return parse_columns(texts or [], actuator.log if actuator else None)
+
+
+def chosen_trials(
+    names: list[str] | None, file: Path | None, actuator: "Actuator | None" = None, *, columns: list[str] | None = None
+) -> "list[Trial]":
     """Trials by name and from a file, the paper's three if neither is given; the file has the actuator's units outside.
 
     HarnessError for a name that is unknown, a file that cannot be read, or one that has the name of a trial.
     """
-    from harness.trials import PAPER, read_trial, trial
+    from harness.logs.trialfile import read_trial
+    from harness.trials import PAPER, trial
 
     chosen = {flown.name: flown for flown in map(trial, names or [])}
+    if columns and not file:
+        raise HarnessError("--column: goes with --trial-file, whose columns it names")
     if file:
-        own = read_trial(file, actuator.output) if actuator else read_trial(file)
+        own = read_trial(file, actuator.output if actuator else None, chosen_columns(columns))
         if own.name.upper() in chosen:
             raise HarnessError(f"--trial-file {file}: {own.name} is flown already, rename the file")
         chosen[own.name] = own

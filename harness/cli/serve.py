@@ -5,7 +5,8 @@ from typing import Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, FmuDir, chosen_actuator, required_extra
+from harness.cli.options import ActuatorOption, FmuDir, chosen_actuator
+from harness.errors import required_extra
 
 
 def serve(

@@ -63,7 +63,7 @@ def csv_text(columns: Mapping[str, NDArray[Any]], *, quoted: bool = False) -> st
 
 
 def trajectory_csv(run: xr.Dataset) -> str:
-    """A run as CSV: time, command and every output, in SI units; a unit that is not the port's stands in the header."""
+    """A run as CSV: time, inputs and every output, in SI units; a unit that is not the port's stands in the header."""
     return csv_text({"time": run.time.values, **{_header(run, str(name)): run[name].values for name in run.data_vars}})
 
 

@@ -1,7 +1,8 @@
 """A measured run: what was commanded and what was measured, checked and ready to be fitted."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from scipy.ndimage import uniform_filter1d
 from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError
-from harness.files.columns import read_columns
-from harness.trials import ROTARY, STEP, Trial, check_ranges, grid, inside, outside_units
+from harness.logs.read import read_one
+from harness.logs.run import SAME
+from harness.trials import STEP, Trial, grid
 
 Array = NDArray[np.float64]
 
@@ -24,7 +26,6 @@ LEAST_SECONDS = 0.2
 """Shortest measurement [s]: the integral of the speed loop needs about as long to settle."""
 CURRENT = "equivalent_current_filtered"
 PHASES = ("phase_current_a", "phase_current_b", "phase_current_c")
-LOADS = ("load_torque", "supply_voltage")
 JUMP = 8.0
 """A change of the command between rows is a jump, not a slope, if it is more than so many times that of its neighbours."""
 START_WINDOW = 0.01
@@ -61,36 +62,42 @@ class Measured:
         return np.column_stack(list(self.channels.values()))
 
 
-def read_measured(path: Path, parameters: Mapping[str, float] | None = None, output: Output = ROTARY) -> Measured:
-    """A run from a CSV file; columns that are not needed are ignored.
+def read_measured(
+    path: Path,
+    parameters: Mapping[str, float] | None = None,
+    output: Output | None = None,
+    columns: Mapping[str, str] | None = None,
+    *,
+    with_files: Sequence[Path] = (),
+) -> Measured:
+    """The run of a log, from a file of any format; columns that are not needed are ignored.
 
-    Columns: time [s], command [rad], position [rad], motor_speed [rad/s], and equivalent_current_filtered [A] or the three
-    phase currents [A]; optionally load_torque [N.m], supply_voltage [V]. `parameters`: those set for this actuator, by port
-    name; `output`: a linear actuator's, whose lengths are in m and whose load is in N. HarnessError, with line and column,
-    for anything that cannot be used.
+    Needed are time, command, position, motor_speed, and equivalent_current_filtered or the three phase currents;
+    load_torque and supply_voltage where they are there. The arguments are those of `read_log`. HarnessError, with line and
+    column, for anything that cannot be used.
     """
-    table = read_columns(
-        path,
-        ("time", "command", "position", "motor_speed"),
-        (CURRENT, *PHASES, *LOADS),
-        others=True,
-        units=outside_units(output),
-    )
-    table = inside(table, output)
-    if CURRENT in table:
-        currents = [CURRENT]
-    elif all(name in table for name in PHASES):
-        currents = list(PHASES)
-    else:
-        missing = ", ".join(name for name in PHASES if name not in table)
-        raise HarnessError(f"{path}, line 1: no column '{CURRENT}', and of the phase currents {missing} missing")
-    check_ranges(path, table)
-    inputs = {name: table[name] for name in ("command", *LOADS) if name in table}
-    channels = {name: table[name] for name in ("position", "motor_speed", *currents)}
-    for name, values in channels.items():
-        if np.ptp(values) == 0.0:
-            raise HarnessError(f"{path}, column {name}: the same value in all rows; nothing was measured")
-    return measured(path.stem, table["time"], inputs, channels, parameters or {}, where=str(path))
+    log = read_one(path, columns, output, parameters, with_files=with_files)
+    lost = {name: line for line in log.remarks if SAME in line for name in log_names(line)}
+    currents = [CURRENT] if CURRENT in log.channels else list(PHASES)
+    for name in ("position", "motor_speed", *currents):
+        if name in log.channels:
+            continue
+        if name in lost:
+            raise HarnessError(f"{path}, {lost[name]}")
+        if name in PHASES:
+            missing = ", ".join(phase for phase in PHASES if phase not in log.channels)
+            raise HarnessError(f"{path}: no column '{CURRENT}', and of the phase currents {missing} missing")
+        raise HarnessError(f"{path}: no column '{name}', found: {', '.join(log.channels)}")
+    channels = {name: log.channels[name] for name in ("position", "motor_speed", *currents)}
+    known = np.all([np.isfinite(series) for series in channels.values()], axis=0)
+    whole = {name: np.interp(log.time, log.time[known], series[known]) for name, series in channels.items()}
+    run = measured(log.name, log.time, log.inputs, whole, parameters or {}, where=str(path))
+    return replace(run, informative=run.informative & known)
+
+
+def log_names(remark: str) -> list[str]:
+    """The ports that a log's remark names in brackets."""
+    return re.findall(r"\((\w+)\)", remark)
 
 
 def measured(
