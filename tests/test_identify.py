@@ -16,7 +16,9 @@ from harness.faults import ESTIMATED, FAULTS
 from harness.fidelity import FIDELITIES
 from harness.identification import coordinates
 from harness.identification.diagnosis import Diagnosis, identify
-from harness.identification.measured import jumps_of, noise_of, read_measured
+from harness.identification.measured import read_measured
+from harness.logs.noise import noise_of
+from harness.logs.stimulus import jumps_of
 from harness.trials import BUILT_IN
 
 CASES = {
