@@ -1,7 +1,8 @@
 """A user's mistake, told in one line: what is wrong, where, and what would be right."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class HarnessError(Exception):
@@ -16,3 +17,12 @@ def unknown(what: str, name: str, choices: Iterable[str]) -> HarnessError:
     hint = f"did you mean {lowered[nearest[0]]}? " if nearest else ""
     listed = f"known: {', '.join(known)}" if len(known) <= 12 else "'ema ports' lists all"
     return HarnessError(f"unknown {what} '{name}': {hint}{listed}")
+
+
+@contextmanager
+def required_extra(extra: str, what: str = "this command") -> Iterator[None]:
+    """Turns a missing library into one line that names the extra which installs it; `what` needs it."""
+    try:
+        yield
+    except ImportError as error:
+        raise HarnessError(f"{what} needs {error.name}: pip install 'ema-twins[{extra}]'") from None

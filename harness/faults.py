@@ -183,16 +183,21 @@ def parse_limits(texts: Sequence[str]) -> dict[str, float]:
     limits: dict[str, float] = {}
     for text in texts:
         name, equals, number = (part.strip() for part in text.partition("="))
-        name = name.removeprefix("fault.")
         if not equals:
             raise HarnessError(f"--limit {text}: NAME=VALUE is needed, such as friction=2")
-        if name not in FAULTS:
-            raise unknown("fault", name, FAULTS)
         try:
             value = float(number)
         except ValueError:
-            raise HarnessError(f"--limit {text}: '{number}' is not a number") from None
-        if not math.isfinite(value) or value == FAULTS[name].healthy:
-            raise HarnessError(f"--limit {text}: a number other than {FAULTS[name].healthy:g}, which is healthy, is needed")
-        limits[name] = value
+            value = math.nan
+        limits |= checked_limit(name, value, f"--limit {text}")
     return limits
+
+
+def checked_limit(name: str, value: float, where: str) -> dict[str, float]:
+    """{short name: value} of the limit of a fault; HarnessError, beginning with `where`, as from `parse_limits`."""
+    name = name.removeprefix("fault.")
+    if name not in FAULTS:
+        raise unknown("fault", name, FAULTS)
+    if not math.isfinite(value) or value == FAULTS[name].healthy:
+        raise HarnessError(f"{where}: a number other than {FAULTS[name].healthy:g}, which is healthy, is needed")
+    return {name: value}

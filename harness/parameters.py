@@ -31,11 +31,17 @@ def parse_settings(settings: list[str]) -> dict[str, float]:
         variable = settable(name, where)
         values[name] = _parsed(variable, text, where)
         check_value(variable, values[name], where)
+    check_together(values)
+    return values
+
+
+def check_together(values: Mapping[str, float], where: str = "") -> None:
+    """HarnessError, beginning with `where`, if parameters that are in range one by one exclude each other."""
     pairs = values.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
     zeta = values.get("fault.zeta", 0.0)
     if pairs * zeta >= 1.0:
-        raise HarnessError(f"motor.p * fault.zeta = {pairs * zeta:g} is out of range, less than 1 is needed")
-    return values
+        before = f"{where}: " if where else ""
+        raise HarnessError(f"{before}motor.p * fault.zeta = {pairs * zeta:g} is out of range, less than 1 is needed")
 
 
 def _parsed(variable: ports.Variable, text: str, where: str) -> float:

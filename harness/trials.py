@@ -3,22 +3,16 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema_fmu_src import ports
-from harness.errors import HarnessError, unknown
-from harness.files.columns import read_columns
+from harness.errors import unknown
 
 STEP = 1e-4
 """Communication step [s]."""
 DURATION = 2.5
 """Of the built-in trials [s]."""
-MOST_POINTS = 10_000_000
-"""Of a trial from a file, 1000 s; a file that lasts longer most likely has its times in another unit."""
-COLUMNS = ("command", "load_torque", "supply_voltage")
 
 Array = NDArray[np.float64]
 
@@ -95,30 +89,3 @@ def trial(name: str) -> Trial:
         inputs["load_torque"] = np.where(t < 1.0 - 0.5 * STEP, 0.0, 6.0)
     continuous = frozenset() if name.upper() == "STEP-RAMP" else frozenset({"command"})
     return Trial(name.upper(), 0.0, STEP, inputs, source, continuous)
-
-
-def read_trial(path: Path) -> Trial:
-    """A trial from a CSV file: columns time [s], command [rad], optionally load_torque [N.m], supply_voltage [V].
-
-    Values between the rows are interpolated linearly onto the communication grid, from the first to the last time.
-    HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
-    """
-    table = read_columns(path, ("time", "command"), COLUMNS)
-    times = table["time"]
-    lasts = float(times[-1] - times[0])
-    if not STEP * (1.0 - 1e-6) <= lasts <= STEP * MOST_POINTS:
-        raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {STEP * MOST_POINTS:g} s can be flown")
-    check_ranges(path, table)
-    points = grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)
-    inputs = {name: np.interp(points, times, table[name]) for name in COLUMNS if name in table}
-    return Trial(path.stem, float(times[0]), STEP, inputs, str(path.name))
-
-
-def check_ranges(path: Path, table: dict[str, Array]) -> None:
-    """HarnessError if a column that is an input of the FMUs has a value that they refuse."""
-    for port in ports.INPUTS:
-        low = -math.inf if port.minimum is None else port.minimum
-        high = math.inf if port.maximum is None else port.maximum
-        for value in table.get(port.name, np.empty(0)):
-            if not low <= value <= high:
-                raise HarnessError(f"{path}, column {port.name}: {value:g} is out of range, {low:g} to {high:g} {port.unit}")

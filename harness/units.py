@@ -11,6 +11,8 @@ import pint
 from harness.errors import HarnessError
 
 PERIODS = re.compile(r"\b[kMG]?hz\b|\bhertz\b", re.IGNORECASE)
+_PER_MINUTE = re.compile(r"(?<![A-Za-z])min(?:ute)?(?![A-Za-z])", re.IGNORECASE)
+_ANGLES = re.compile(r"rad|deg|°|rpm|rev|turn", re.IGNORECASE)
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 
 
@@ -30,6 +32,8 @@ def conversion(unit: str, target: str, where: str) -> tuple[float, float]:
     """
     if bool(PERIODS.search(unit)) != bool(PERIODS.search(target)) and "rad" in unit + target:
         raise HarnessError(f"{where}: [{unit}] counts periods, [{target}] radians; 1 Hz is 6.2832 rad/s, convert it first")
+    if _PER_MINUTE.search(unit) and not _ANGLES.search(unit) and "rad" in target:
+        raise HarnessError(f"{where}: [{unit}] counts turns a minute, [{target}] radians; write rpm for 1/min")
     registry = _registry()
     try:
         zero, one = (registry.Quantity(value, _spelled(unit)).to(_spelled(target)).magnitude for value in (0.0, 1.0))
@@ -40,16 +44,23 @@ def conversion(unit: str, target: str, where: str) -> tuple[float, float]:
     return float(one) - float(zero), float(zero)
 
 
+def split(text: str, target: str, where: str) -> tuple[float, str]:
+    """The number of `text`, and the unit behind it as written, "" if there is none.
+
+    HarnessError, beginning with `where`, if it begins with no number; `target` is the unit of the example that is given.
+    """
+    match = _NUMBER.fullmatch(text)
+    if not match:
+        raise HarnessError(f"{where}: '{text}' is not a number with a unit, such as '{f'1 {target}'.strip()}'")
+    return float(match[1].replace(",", ".")), match[2].strip()
+
+
 def quantity(text: str, target: str, where: str) -> float:
     """The number of `text`, a value with a unit or without (then it is in `target`), in `target`.
 
     HarnessError, beginning with `where`, if it is no number, or as from `conversion`.
     """
-    match = _NUMBER.fullmatch(text)
-    if not match:
-        raise HarnessError(f"{where}: '{text}' is not a number with a unit, such as '1 {target}'")
-    value = float(match[1].replace(",", "."))
-    unit = match[2].strip()
+    value, unit = split(text, target, where)
     if not unit:
         return value
     scale, offset = conversion(unit, target, where)
@@ -64,3 +75,13 @@ def _spelled(unit: str) -> str:
     text = text.replace("°C", "degC").replace("°", "deg").replace("%", "percent")
     text = re.sub(r"(?<=[A-Za-z0-9)])\s*[.·⋅*]\s*(?=[A-Za-z(])", "*", text)
     return re.sub(r"(?<=[A-Za-z])\^?(-?\d+)", r"**\1", text)
+
+
+@cache
+def is_unit(text: str) -> bool:
+    """Whether `text` names a unit, such as `mm/s` or `%`."""
+    try:
+        _registry().parse_units(_spelled(text).replace("dimensionless", ""))
+    except Exception:  # noqa: BLE001 (pint passes on what its tokenizer raises)
+        return False
+    return bool(text.strip())

@@ -7,6 +7,7 @@ from .. import __author__, __copyright__, __license__, __version__, ports
 from ..twins import TWINS, hf
 from .markup import literal
 from .units import DISPLAY_UNITS, DISPLAYED, UNITS, declare
+from .variant import DEFAULT, Variant
 
 START_TIME, STOP_TIME, STEP_SIZE = "0.0", "2.5", "0.0001"
 DEFAULT_TOLERANCE = hf.MARGIN
@@ -86,7 +87,7 @@ def _types() -> Element:
     return definitions
 
 
-def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> Element:
+def _scalar_variable(variable: ports.Variable, reference: int, model: str, variant: Variant) -> Element:
     """One ScalarVariable (FMI 2.0, section 2.2.7); inputs have no attribute `initial`, as the standard requires."""
     calculated = variable.causality in ("output", "local")
     attributes = {
@@ -108,7 +109,7 @@ def _scalar_variable(variable: ports.Variable, reference: int, model: str) -> El
         if display:
             kind.set("displayUnit", display)
     numbers = {} if variable.kind == "Boolean" else {"min": variable.minimum, "max": variable.maximum}
-    numbers |= {"nominal": variable.nominal, "start": None if calculated else variable.start_for(model)}
+    numbers |= {"nominal": variable.nominal, "start": None if calculated else variant.start(variable, model)}
     for attribute, value in numbers.items():
         if value is not None:
             kind.set(attribute, literal(variable.kind, value))
@@ -129,19 +130,21 @@ def _structure() -> Element:
     return structure
 
 
-def model_description(model: str, *, runtime: str, source_hash: str, capabilities: dict[str, bool]) -> Element:
+def model_description(
+    model: str, *, runtime: str, source_hash: str, capabilities: dict[str, bool], variant: Variant = DEFAULT
+) -> Element:
     """The fmiModelDescription of the twin `model` ("HF", "ELF" or "LF"; FMI 2.0, section 2.2).
 
     `runtime` goes into generationTool. `capabilities` are flags of the CoSimulation element; those that are not given are
-    false. The GUID is derived from the description and from `source_hash`, the hash of the sources: the same content has
-    the same GUID.
+    false. `variant`: the actuator whose start values it has. The GUID is derived from the description and from
+    `source_hash`, the hash of the sources: the same content has the same GUID.
     """
     root = Element(
         "fmiModelDescription",
         fmiVersion="2.0",
-        modelName=f"EMA_{model}",
+        modelName=variant.model_name(model),
         guid="",
-        description=TWINS[model].title,
+        description=variant.title(TWINS[model].title),
         author=__author__,
         version=__version__,
         copyright=__copyright__,
@@ -164,7 +167,7 @@ def model_description(model: str, *, runtime: str, source_hash: str, capabilitie
     SubElement(root, "DefaultExperiment", EXPERIMENT)
     variables = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(ports.VARIABLES):
-        variables.append(_scalar_variable(variable, reference, model))
+        variables.append(_scalar_variable(variable, reference, model, variant))
     root.append(_structure())
     identity = tostring(root).decode() + source_hash
     root.set("guid", "{" + str(uuid.uuid5(uuid.NAMESPACE_URL, identity)) + "}")

@@ -7,6 +7,7 @@ from html import escape
 from .. import __version__, ports
 from ..twins import TWINS
 from .description import DEFAULT_TOLERANCE
+from .variant import DEFAULT, Variant
 
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --soft: #8881; }
@@ -24,12 +25,12 @@ PAGE = """<!DOCTYPE html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>EMA_{model}</title>
+<title>{name}</title>
 <style>{style}</style>
 </head>
 <body>
 <main>
-<h1>EMA_{model}</h1>
+<h1>{name}</h1>
 <p>{title}. One of three digital twins of an electromechanical actuator (EMA) for flight controls, all with the same ports;
 EMA twins {version}. After Quattrocchi, Dalla Vedova, Berri, <i>Lumped parameters multi-fidelity digital twins for
 prognostics of electromechanical actuators</i>, J. Phys. Conf. Ser. 2526 (2023) 012076,
@@ -83,12 +84,12 @@ def _span(variable: ports.Variable) -> str:
     return " .. ".join("" if limit is None else variable.text(limit) for limit in limits)
 
 
-def _table(title: str, variables: Iterable[ports.Variable], model: str) -> str:
+def _table(title: str, variables: Iterable[ports.Variable], model: str, variant: Variant) -> str:
     heads = ("Value reference", "Name", "Type", "Unit", "Start", "Range", "Meaning")
     rows = []
     for variable in variables:
         settable = variable.causality in ("input", "parameter")
-        start = variable.text(variable.start_for(model)) if settable else ""
+        start = variable.text(variant.start(variable, model)) if settable else ""
         cells = (ports.INDEX[variable.name], variable.name, variable.kind, variable.unit, start, _span(variable))
         texts = "".join(f'<td class="number">{escape(str(cell))}</td>' for cell in cells)
         rows.append(f"<tr>{texts}<td>{escape(variable.description_for(model))}</td></tr>")
@@ -97,15 +98,18 @@ def _table(title: str, variables: Iterable[ports.Variable], model: str) -> str:
     return f'<div class="table"><table><caption>{title}</caption><tr>{head}</tr>\n{body}\n</table></div>'
 
 
-def page(model: str) -> str:
-    """The HTML page of the twin `model` ("HF", "ELF" or "LF"): its equations, what it covers and what not, its variables."""
+def page(model: str, variant: Variant = DEFAULT) -> str:
+    """The HTML page of the twin `model` ("HF", "ELF" or "LF"): its equations, what it covers and what not, its variables.
+
+    The variables start as `variant` says.
+    """
     equations = (sys.modules[TWINS[model].advance.__module__].__doc__ or "").strip()
     return PAGE.format(
-        model=model,
-        title=escape(TWINS[model].title),
+        name=escape(variant.model_name(model)),
+        title=escape(variant.title(TWINS[model].title)),
         version=__version__,
         style=STYLE,
         equations=escape(equations),
         tolerance=DEFAULT_TOLERANCE,
-        tables="\n".join(_table(title, variables, model) for title, variables in SECTIONS),
+        tables="\n".join(_table(title, variables, model, variant) for title, variables in SECTIONS),
     )

@@ -19,6 +19,7 @@ RUNTIME = (
     "fmu/python/slave.py",
     "fmu/source.py",
     "fmu/units.py",
+    "fmu/variant.py",
 )
 """What the Python runtime needs inside an FMU."""
 

@@ -3,8 +3,9 @@ faults.
 
 The system has one component, `actuator`, with the FMU resources/EMA.fmu. To change the fidelity, replace that file: all
 fidelities have the same ports. SystemStructure.ssd binds the parameter set `healthy`; each of the other sets has a system
-structure of its own, NAME.ssd, as SSP provides for variants. The system itself has no connectors, because some importers
-(ecos) do not support them: a host uses those of the actuator.
+structure of its own, NAME.ssd, as SSP provides for variants. For an actuator that is not the default one, every set holds
+its start values too, and an annotation tells its name and what else is known of it. The system itself has no connectors,
+because some importers (ecos) do not support them: a host uses those of the actuator.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,11 +14,14 @@ from xml.etree.ElementTree import Element, SubElement
 
 from .. import __version__, ports
 from . import archive, description, markup, units
+from .variant import DEFAULT, Variant
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 COMPONENT = "actuator"
+ANNOTATION = "ema-twins.actuator"
+"""Type of the annotation in a parameter set, whose element `actuator` has the name and `Variant.about` as attributes."""
 
 SET_NAME = "initialValues"
 """Name of every parameter set: libcosim and ecos apply the set of this name at the start."""
@@ -34,8 +38,14 @@ PARAMETER_SETS: dict[str, dict[str, float]] = {
 bound has no Enumeration, because libcosim and ecos read none (and start healthy without)."""
 
 
-def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
-    """A parameter set (SSV) of `values`, parameter -> value in the port's unit; `name` is its description."""
+def parameter_set(name: str, values: Mapping[str, float], variant: Variant = DEFAULT) -> bytes:
+    """A parameter set (SSV) of `values`, parameter -> value in the port's unit; `name` is its description.
+
+    Those of the actuator `variant` are there too; the healthy one is described by the actuator's name.
+    """
+    values = {**variant.starts, **values}
+    if variant.name:
+        name = variant.name if name == "healthy" else f"{variant.name}, {name}"
     root = Element(
         "ssv:ParameterSet", {"xmlns:ssv": SSV, "xmlns:ssc": SSC, "version": "1.0", "name": SET_NAME, "description": name}
     )
@@ -45,6 +55,9 @@ def parameter_set(name: str, values: Mapping[str, float]) -> bytes:
         _typed(SubElement(parameters, "ssv:Parameter", name=variable.name), "ssv", variable, values[variable.name])
     _declare_enumerations(root, "ssv", variables)
     _declare_units(root, "ssv", variables)
+    if variant.name:
+        annotation = SubElement(SubElement(root, "ssv:Annotations"), "ssc:Annotation", type=ANNOTATION)
+        SubElement(annotation, "actuator", {"name": variant.name, **variant.about})
     return markup.document(root)
 
 
@@ -110,10 +123,13 @@ def structure(parameters: str) -> bytes:
     return markup.document(root)
 
 
-def write(path: Path, fmu: Path) -> None:
-    """Write the package `path` with the FMU file `fmu` as its component, completely or not at all."""
+def write(path: Path, fmu: Path, variant: Variant = DEFAULT) -> None:
+    """Write the package `path` with the FMU file `fmu` as its component, completely or not at all.
+
+    Its sets are those of the actuator `variant`.
+    """
     members = {"resources/EMA.fmu": fmu.read_bytes()}
     for name, values in PARAMETER_SETS.items():
         members["SystemStructure.ssd" if name == "healthy" else f"{name}.ssd"] = structure(name)
-        members[f"resources/{name}.ssv"] = parameter_set(name, values)
+        members[f"resources/{name}.ssv"] = parameter_set(name, values, variant)
     archive.write(path, members)

@@ -5,14 +5,22 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 Array = NDArray[np.float64]
+
+ANGLES = ("command", "position", "mechanics.end_stop", "gear.backlash", "initial.position")
+"""Ports [rad] on the user's side, which are lengths [m] of a rod."""
+TORQUES = ("load_torque",)
+"""Ports [N.m] on the user's side, which are forces [N] on a rod."""
 
 
 @dataclass(frozen=True)
@@ -27,17 +35,17 @@ class Output:
 
     def unit(self, port: str) -> str:
         """The unit of `port` outside."""
-        if self.lead is None:
-            return ports.VARIABLES[ports.INDEX[port]].unit
         own = ports.VARIABLES[ports.INDEX[port]].unit
-        return {"position": "m", "command": "m", "load_torque": "N"}.get(port, own)
+        if self.lead is None:
+            return own
+        return "m" if port in ANGLES else "N" if port in TORQUES else own
 
     def scale(self, port: str) -> float:
         """What a value of `port` inside is multiplied with to be one outside."""
         if self.lead is None:
             return 1.0
         travel = self.lead / (2.0 * math.pi)
-        return {"position": travel, "command": travel, "load_torque": 1.0 / travel}.get(port, 1.0)
+        return travel if port in ANGLES else 1.0 / travel if port in TORQUES else 1.0
 
     def outside(self, port: str, values: Array) -> Array:
         """Values of `port`, any shape, in its unit outside."""
@@ -47,6 +55,17 @@ class Output:
         """Values of `port` given in its unit outside, in the port's own."""
         return values / self.scale(port)
 
+    def shown(self, run: "xr.Dataset") -> "xr.Dataset":
+        """A run, with variables named like ports, in the units outside; the same dataset where nothing changes."""
+        changed = {
+            str(name): run[name]
+            .copy(data=self.outside(str(name), run[name].values))
+            .assign_attrs(units=self.unit(str(name)))
+            for name in run.data_vars
+            if name in ports.INDEX and self.scale(str(name)) != 1.0
+        }
+        return run.assign(changed) if changed else run
+
 
 @dataclass(frozen=True)
 class Actuator:
@@ -54,9 +73,10 @@ class Actuator:
 
     `parameters`: port name -> value in the port's unit, for those that are stated or follow from a data sheet; the rest
     are the ports' defaults. The input supply_voltage may be among them: it holds where a trial or a log gives none.
-    `tolerances`: port name -> half width of the interval that is stated, in the port's unit. `origins`: port name ->
-    where the value comes from. `log`: what `[log]` says, as written. `limits`: short name of a fault -> value at which
-    health is 0. `calibration`, `provenance`: tables as written.
+    `tolerances`: port name -> half width of the interval that is stated, in the port's unit; after a calibration that of
+    the 95 % interval. `origins`: port name -> where the value comes from. `log`: what `[log]` says, as written. `limits`:
+    short name of a fault -> value at which health is 0. `calibration`, `provenance`: tables as written. `warnings`: a line
+    for each contradiction in what is stated.
     """
 
     name: str
@@ -69,13 +89,30 @@ class Actuator:
     limits: Mapping[str, float] = field(default_factory=dict)
     calibration: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def value(self, port: str) -> float:
+        """The value of a parameter, or of a constant input, in the port's unit: its own, or the port's default."""
+        return float(self.parameters.get(port, ports.VARIABLES[ports.INDEX[port]].start))
 
     @property
     def sha256(self) -> str:
         """Of the resolved parameters: every parameter's value, defaults too, and the output."""
-        resolved = {port.name: float(self.parameters.get(port.name, port.start)) for port in ports.PARAMETERS}
-        resolved["supply_voltage"] = float(self.parameters.get("supply_voltage", 48.0))
+        resolved = {port.name: self.value(port.name) for port in ports.PARAMETERS}
+        resolved["supply_voltage"] = self.value("supply_voltage")
+        if "load_torque" in self.parameters:
+            resolved["load_torque"] = self.value("load_torque")
         return hashlib.sha256(json.dumps([resolved, self.output.lead], sort_keys=True).encode()).hexdigest()
+
+    @property
+    def is_default(self) -> bool:
+        """Whether it is the default actuator: no parameter stated, a rotary output."""
+        return not self.parameters and self.output.lead is None
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """Name and hash, as results record them."""
+        return {"name": self.name, "sha256": self.sha256}
 
 
 DEFAULT = Actuator("default", "the actuator of the ports' defaults")

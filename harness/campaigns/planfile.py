@@ -11,7 +11,7 @@ from harness.campaigns.plan import OUTPUTS, RATE, SAMPLINGS, Noise, Plan
 from harness.errors import HarnessError, unknown
 from harness.fidelity import parse_fidelities
 from harness.files.columns import read_numbers
-from harness.files.toml import read_toml
+from harness.files.toml import flat, read_toml
 from harness.parameters import check_value, settable
 from harness.trials import Trial, trial
 
@@ -89,15 +89,7 @@ def _mapping(given: Mapping[str, Any], key: str, where: str | None) -> dict[str,
     value = given.get(key, {})
     if not isinstance(value, dict):
         raise HarnessError(f"{where}: a table of names is needed, such as [{key}]")
-    return _flat(value)
-
-
-def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Names with dots again: TOML reads `fault.N_a = 1` as a table in a table."""
-    flat: dict[str, Any] = {}
-    for name, value in table.items():
-        flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
-    return flat
+    return flat(value)
 
 
 def _texts(value: Any, where: str) -> list[str]:

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ema_fmu_src.fidelities import MODELS, Fidelity, fmu_name
+from harness.cli.options import ActuatorOption, chosen_actuator
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+
+    from harness.actuators.actuator import Actuator
 
 
 def build(
@@ -26,23 +29,40 @@ def build(
             help="host (default), all, or some of linux64, linux-arm64, win64, darwin64, by commas; native only.",
         ),
     ] = None,
+    actuator: ActuatorOption = None,
 ) -> None:
-    """Build the FMUs of these fidelities; those that differ only in parameters share one."""
+    """Build the FMUs of these fidelities; those that differ only in parameters share one.
+
+    With --actuator they start as that actuator, and their name and description say so.
+    """
     from harness.fidelity import FMU_DIR, parse_fidelities
 
+    chosen = chosen_actuator(actuator)
+    if actuator is not None and out is None:
+        raise HarnessError(f"--actuator {actuator}: --out DIR is needed; {FMU_DIR} is for the FMUs of the default actuator")
     models = dict.fromkeys(wanted.model for wanted in parse_fidelities(fidelity))
-    for path in build_into(list(models), out or FMU_DIR, runtime=runtime, platform=platform):
+    for path in build_into(list(models), out or FMU_DIR, runtime=runtime, platform=platform, actuator=chosen):
         typer.echo(f"built {path}")
 
 
-def build_into(models: "Sequence[str]", folder: Path, *, runtime: str = "native", platform: str | None = None) -> list[Path]:
-    """Build the FMUs of `models` into `folder`; HarnessError if that fails."""
+def build_into(
+    models: "Sequence[str]",
+    folder: Path,
+    *,
+    runtime: str = "native",
+    platform: str | None = None,
+    actuator: "Actuator | None" = None,
+) -> list[Path]:
+    """Build the FMUs of `models`, which start as `actuator`, into `folder`; HarnessError if that fails."""
+    from harness.actuators.actuator import DEFAULT
+    from harness.actuators.fmus import variant
+
     try:
         from ema_fmu_src.fmu import build
         from ema_fmu_src.fmu.native import targets
 
         platforms = targets.parse(platform) if platform else None
-        return build.build(models, out=folder, runtime=runtime, platforms=platforms)
+        return build.build(models, out=folder, runtime=runtime, platforms=platforms, variant=variant(actuator or DEFAULT))
     except ImportError as error:
         raise HarnessError(f"building FMUs needs {error.name}: pip install 'ema-twins[build]'") from None
     except OSError as error:
@@ -51,10 +71,11 @@ def build_into(models: "Sequence[str]", folder: Path, *, runtime: str = "native"
         raise HarnessError(str(error)) from None
 
 
-def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None) -> Path:
+def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None, actuator: "Actuator | None" = None) -> Path:
     """The folder `given`, or our own, with the FMUs that these fidelities need: those that are missing are built.
 
-    In our own folder, those whose sources have changed since they were built are built again.
+    In our own folder, those whose sources have changed since they were built are built again. HarnessError if an `actuator`
+    is to be flown with FMUs in `given` that start as another: what it does not state would be the other's.
     """
     from harness.fidelity import FMU_DIR
 
@@ -68,4 +89,18 @@ def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None) -> P
     if missing:
         for path in build_into(missing, folder):
             typer.echo(f"built {path}")
+    if given is not None and actuator is not None:
+        _refuse_another(actuator, [folder / fmu_name(model) for model in models])
     return folder
+
+
+def _refuse_another(actuator: "Actuator", paths: "Sequence[Path]") -> None:
+    from harness.actuators.fmus import belongs_to_another, record_of
+
+    for path in paths:
+        record = record_of(path)
+        if belongs_to_another(record, actuator):
+            raise HarnessError(
+                f"{path}: was built for the actuator {record['actuator']}, not for {actuator.name} as it is now; "
+                f"leave out --fmus, or --actuator, or build it again with ema build --actuator"
+            )

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, Settings, TrialFile, required_extra
+from harness.cli.options import Columns, FmuDir, Settings, TrialFile, chosen_columns
 from harness.cli.terminal import progress
-from harness.errors import HarnessError
+from harness.errors import HarnessError, required_extra
 
 if TYPE_CHECKING:
     from harness.campaigns.plan import Plan
@@ -22,6 +22,7 @@ def campaign(
     ] = None,
     trials: Annotated[str | None, typer.Option("--trials", metavar="LIST", help="By commas; SIN if none is given.")] = None,
     trial_file: TrialFile = None,
+    columns: Columns = None,
     fidelities: Annotated[str | None, typer.Option("--fidelities", metavar="LIST", help="By commas; ELF+.")] = None,
     ranges: Annotated[
         list[str] | None, typer.Option("--range", metavar="NAME=LOW:HIGH", help="Sampled; may be given several times.")
@@ -60,8 +61,8 @@ def campaign(
     import sys
 
     from harness.files import results
+    from harness.logs.trialfile import read_trial
     from harness.parameters import parse_settings
-    from harness.trials import read_trial
 
     with required_extra("campaign"):
         from harness.campaigns.planfile import parse_assignments, parse_numbers, read_plan
@@ -85,7 +86,7 @@ def campaign(
         options["set"] = parse_settings(settings)
     if workers < 0:
         raise HarnessError(f"--workers {workers}: 0 or more is needed")
-    plan = read_plan(file, options, read_trial(trial_file) if trial_file else None)
+    plan = read_plan(file, options, read_trial(trial_file, columns=chosen_columns(columns)) if trial_file else None)
     results.prepare(out)
     folder = fmu_folder(plan.fidelities, fmus)
     with cluster(scheduler, workers or os.cpu_count() or 1) as client:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.options import Columns, JsonFile, Settings, TrialFile, chosen_trials
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 
@@ -22,6 +22,7 @@ def compare(
     trial: Annotated[list[str] | None, typer.Option(metavar="TRIAL", help="Trials; may be given several times.")] = None,
     trial_file: TrialFile = None,
     settings: Settings = None,
+    columns: Columns = None,
     tube: Annotated[float, typer.Option(help="Half width of the tolerance tube, fraction of the range.")] = 0.01,
     json_file: JsonFile = None,
 ) -> None:
@@ -33,7 +34,7 @@ def compare(
     from harness.flight.twin import Twin
     from harness.parameters import parse_settings
 
-    flown = chosen_trials(trial, trial_file)
+    flown = chosen_trials(trial, trial_file, columns=columns)
     parameters = parse_settings(settings or [])
     if not 0.0 <= tube <= 1.0:
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor
+from harness.cli.options import (
+    Columns,
+    FmuDir,
+    Limits,
+    Monitor,
+    Settings,
+    Threshold,
+    WithFiles,
+    chosen_columns,
+    chosen_monitor,
+)
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, THRESHOLD, parse_limits
@@ -18,7 +28,9 @@ if TYPE_CHECKING:
 
 
 def identify(
-    measured: Annotated[Path, typer.Argument(metavar="MEASURED.csv", help="A measured run.")],
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="A measured run, in any format.")],
+    columns: Columns = None,
+    with_files: WithFiles = None,
     model: Monitor = "ELF+",
     settings: Settings = None,
     limits: Limits = None,
@@ -33,9 +45,11 @@ def identify(
     """Identify the faults of a measured run: estimates with intervals, health, a verdict, a page.
 
     Columns: time, command, position, motor_speed, and equivalent_current_filtered or phase_current_a, _b, _c; optionally
-    load_torque and supply_voltage; SI units, 500 rows a second or more. Exit code 1 if the run cannot be explained.
+    load_torque and supply_voltage; by these names in SI units, or as --column says. Exit code 1 if the run cannot be
+    explained.
     """
     from harness.files import results
+    from harness.files.reader import stem
     from harness.identification import diagnosis
     from harness.identification.measured import read_measured
     from harness.identification.page import page
@@ -47,7 +61,7 @@ def identify(
         raise HarnessError(f"--threshold {threshold:g}: 0 up to less than 1 is needed")
     if not tolerance > 0.0:
         raise HarnessError(f"--tolerance {tolerance:g}: more than 0 is needed, such as 0.003")
-    run = read_measured(measured, parameters)
+    run = read_measured(measured, parameters, columns=chosen_columns(columns), with_files=with_files or ())
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
@@ -61,8 +75,8 @@ def identify(
         threshold=threshold,
         tolerance=tolerance,
     )
-    target = out / f"{measured.stem}_identified.html"
-    results.write(target, page(found, run, shlex.join(["ema", *sys.argv[1:]])))
+    target = out / f"{stem(measured)}_identified.html"
+    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]])))
     if json_file:
         results.write_json(json_file, found.as_dict())
     _print(found)

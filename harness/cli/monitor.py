@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, Limits, Monitor, Settings, Threshold, chosen_monitor, required_extra
+from harness.cli.options import Columns, FmuDir, Limits, Monitor, Settings, Threshold, chosen_columns, chosen_monitor
 from harness.cli.terminal import progress, show
+from harness.errors import required_extra
 from harness.faults import ESTIMATED, THRESHOLD, parse_limits
 
 if TYPE_CHECKING:
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
 
 def monitor(
-    runs: Annotated[Path, typer.Argument(metavar="RUNS", help="A folder of measured runs, or a CSV list: date,file.")],
+    runs: Annotated[Path, typer.Argument(metavar="RUNS", help="A folder of measured runs, or a list: date,file.")],
+    columns: Columns = None,
     model: Monitor = "ELF+",
     settings: Settings = None,
     limits: Limits = None,
@@ -57,6 +59,7 @@ def monitor(
             limits=health_limits,
             threshold=threshold,
             workers=workers,
+            columns=chosen_columns(columns),
             on_flight=lambda: shown.advance(task),
         )
     found = outlook(history, health_limits, unit)

@@ -1,7 +1,6 @@
 """Options that several commands share, and what they become."""
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +10,7 @@ from ema_fmu_src.fidelities import FIDELITIES, Fidelity
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.actuators.actuator import Actuator
     from harness.trials import Trial
 
 Settings = Annotated[
@@ -22,13 +22,33 @@ Settings = Annotated[
         "held at that value where the trial does not give its own. May be given several times.",
     ),
 ]
+ActuatorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--actuator",
+        metavar="NAME_OR_FILE",
+        help="An actuator of the library (ema actuator list), a .toml file, or a parameter set of SSP (.ssv).",
+    ),
+]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write runs and errors as JSON.")]
 FmuDir = Annotated[Path | None, typer.Option("--fmus", metavar="DIR", help="Folder of the FMUs.")]
 TrialFile = Annotated[
     Path | None,
     typer.Option(
-        "--trial-file", metavar="FILE.csv", help="A trial of your own: time, command[, load_torque, supply_voltage]."
+        "--trial-file", metavar="FILE", help="A trial of your own: time, command[, load_torque, supply_voltage]; any format."
     ),
+]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="PORT=COLUMN",
+        help="A column by its header word or number, with '[unit]' and words: 'position=4 [mm] motor'; several times.",
+    ),
+]
+WithFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--with", metavar="FILE2", help="More columns of the same run, joined by time; several times."),
 ]
 Monitor = Annotated[str, typer.Option("--monitor", metavar="FIDELITY", help=f"The model: {', '.join(FIDELITIES)}.")]
 Limits = Annotated[
@@ -40,13 +60,12 @@ Threshold = Annotated[
 ]
 
 
-@contextmanager
-def required_extra(extra: str) -> Iterator[None]:
-    """Turns a missing library into one line that names the extra which installs it."""
-    try:
-        yield
-    except ImportError as error:
-        raise HarnessError(f"this command needs {error.name}: pip install 'ema-twins[{extra}]'") from None
+def chosen_actuator(name: str | None) -> "Actuator":
+    """The actuator of `--actuator`, the default one if none is given; HarnessError as from `read_actuator`."""
+    from harness.actuators.actuator import DEFAULT
+    from harness.actuators.read import read_actuator
+
+    return DEFAULT if name is None else read_actuator(name)
 
 
 def chosen_monitor(
@@ -64,16 +83,28 @@ def chosen_monitor(
     return model, parameters
 
 
-def chosen_trials(names: list[str] | None, file: Path | None) -> "list[Trial]":
-    """Trials by name and from a file, the paper's three if neither is given.
+def chosen_columns(texts: list[str] | None, actuator: "Actuator | None" = None) -> dict[str, str]:
+    """Port -> column, unit and words: the actuator's `[log]`, and over it `--column`; HarnessError for what says nothing."""
+    from harness.logs.mapping import parse_columns
+
+    return parse_columns(texts or [], actuator.log if actuator else None)
+
+
+def chosen_trials(
+    names: list[str] | None, file: Path | None, actuator: "Actuator | None" = None, *, columns: list[str] | None = None
+) -> "list[Trial]":
+    """Trials by name and from a file, the paper's three if neither is given; the file has the actuator's units outside.
 
     HarnessError for a name that is unknown, a file that cannot be read, or one that has the name of a trial.
     """
-    from harness.trials import PAPER, read_trial, trial
+    from harness.logs.trialfile import read_trial
+    from harness.trials import PAPER, trial
 
     chosen = {flown.name: flown for flown in map(trial, names or [])}
+    if columns and not file:
+        raise HarnessError("--column: goes with --trial-file, whose columns it names")
     if file:
-        own = read_trial(file)
+        own = read_trial(file, actuator.output if actuator else None, chosen_columns(columns))
         if own.name.upper() in chosen:
             raise HarnessError(f"--trial-file {file}: {own.name} is flown already, rename the file")
         chosen[own.name] = own

@@ -10,8 +10,10 @@ import typer
 
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE, Fidelity
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.options import Columns, FmuDir, JsonFile, Settings, TrialFile, chosen_trials
 from harness.cli.terminal import progress, show
+
+FORMATS = ("csv", "parquet", "nc", "mat", "mf4")
 
 if TYPE_CHECKING:
     from harness.flight.experiment import Experiment
@@ -34,21 +36,25 @@ def run(
         ),
     ] = None,
     isolate: Annotated[bool, typer.Option("--isolate", help="Each FMU in a process of its own.")] = False,
+    columns: Columns = None,
+    form: Annotated[str, typer.Option("--format", metavar="|".join(FORMATS), help="Of the trajectories.")] = "csv",
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trajectories and page.")] = Path("results"),
     json_file: JsonFile = None,
     fmus: FmuDir = None,
 ) -> None:
-    """Fly trials with all fidelities, compare them, write trajectories (CSV) and a page (HTML).
+    """Fly trials with all fidelities, compare them, write trajectories and a page (HTML).
 
     Exit code 1 if an FMU failed in its own process (--isolate). Stopped by Ctrl-C, it writes what has been flown.
     """
     from harness.comparison import summary
     from harness.fidelity import parse_fidelities, parse_fidelity
     from harness.files import results
+    from harness.files.writers import check_format
     from harness.flight.switch import parse_schedule
     from harness.parameters import parse_settings
 
-    flown = chosen_trials(trials, trial_file)
+    suffix = check_format(form)
+    flown = chosen_trials(trials, trial_file, columns=columns)
     wanted = parse_fidelities(fidelity)
     compared_with = parse_fidelity(reference, "--reference")
     parameters = parse_settings(settings or [])
@@ -60,7 +66,7 @@ def run(
     folder = fmu_folder([*wanted, compared_with, *switched], fmus)
 
     experiment = _fly(flown, wanted, compared_with, schedules, folder, parameters, isolate=isolate)
-    _write_trajectories(experiment, out)
+    _write_trajectories(experiment, out, suffix)
     if experiment.stopped:
         raise KeyboardInterrupt
     _write_page(experiment, parameters, out / "report.html")
@@ -68,7 +74,7 @@ def run(
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
         results.write_json(json_file, summary(entries, experiment.comparisons))
     _print(experiment)
-    typer.echo(f"page: {out / 'report.html'}   trajectories: {out / 'TRIAL_FIDELITY.csv'}")
+    typer.echo(f"page: {out / 'report.html'}   trajectories: {out / f'TRIAL_FIDELITY.{suffix}'}")
     if experiment.failures:
         sys.exit(1)
 
@@ -115,18 +121,19 @@ def _fly(
     return replace(experiment, stopped=interrupted())
 
 
-def _write_trajectories(experiment: "Experiment", out: Path) -> None:
-    """A CSV for each run; if it was stopped, also for the part of a run, with a word on stderr."""
+def _write_trajectories(experiment: "Experiment", out: Path, suffix: str) -> None:
+    """A file for each run; if it was stopped, also for the part of a run, with a word on stderr."""
     from harness.fidelity import file_stem
     from harness.files import results
+    from harness.files.writers import encode
 
     for (trial, name), dataset in experiment.runs.items():
-        results.write(out / f"{trial}_{file_stem(name)}.csv", results.trajectory_csv(dataset))
+        results.write(out / f"{trial}_{file_stem(name)}.{suffix}", encode(dataset, suffix))
     written = out
     if experiment.partial is not None:
         names = experiment.partial.attrs
-        written = out / f"{names['trial']}_{file_stem(names['fidelity'])}.partial.csv"
-        results.write(written, results.trajectory_csv(experiment.partial))
+        written = out / f"{names['trial']}_{file_stem(names['fidelity'])}.partial.{suffix}"
+        results.write(written, encode(experiment.partial, suffix))
     if experiment.stopped:
         typer.echo(f"stopped; what was computed is in {written}", err=True)
 

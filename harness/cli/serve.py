@@ -5,7 +5,8 @@ from typing import Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, required_extra
+from harness.cli.options import FmuDir
+from harness.errors import required_extra
 
 
 def serve(

@@ -8,45 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, unknown
-
-
-def read_columns(
-    path: Path, required: Sequence[str], optional: Sequence[str] = (), *, others: bool = False
-) -> dict[str, NDArray[np.float64]]:
-    """The columns of `path` by name, each of shape (n_rows,), n_rows >= 2; the first of `required` is the time, which rises.
-
-    Columns that are neither required nor optional are refused, or left out with `others`. HarnessError, with line and
-    column, for anything that is not a row of finite numbers with increasing times.
-    """
-    wanted = (*required, *optional)
-    header, rows = _table(path, required)
-    for name in required:
-        if name not in header:
-            raise HarnessError(f"{path}, line 1: no column '{name}', found: {', '.join(header)}")
-    for name in header:
-        if name not in wanted and not others:
-            raise unknown(f"column in {path}, line 1:", name, wanted)
-    kept = [column for column, name in enumerate(header) if name in wanted]
-    _refuse_twice(path, [header[column] for column in kept])
-    clock = kept.index(header.index(required[0]))
-    numbers: list[list[float]] = []
-    before = -math.inf
-    for line, row in rows:
-        values = [_number(path, line, header[column], row[column]) for column in kept]
-        if values[clock] <= before:
-            raise HarnessError(
-                f"{path}, line {line}: time {values[clock]:g} s does not come after {before:g} s of the row before"
-            )
-        before = values[clock]
-        numbers.append(values)
-    if len(numbers) < 2:
-        raise HarnessError(f"{path}: {len(numbers)} row(s) of numbers; at least two are needed")
-    return dict(zip([header[column] for column in kept], np.array(numbers).T, strict=True))
+from harness.errors import HarnessError
 
 
 def read_numbers(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Every column of `path` by name, each of shape (n_rows,), n_rows >= 1; HarnessError as for `read_columns`."""
+    """Every column of `path` by name, each of shape (n_rows,), n_rows >= 1; HarnessError, with line and column, for
+    anything that is not a row of finite numbers."""
     header, rows = _table(path, ("NAME", "..."))
     _refuse_twice(path, header)
     numbers = [[_number(path, line, name, cell) for name, cell in zip(header, row, strict=True)] for line, row in rows]

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ema_fmu_src import ports
 from harness.errors import HarnessError
 
 
@@ -62,5 +63,10 @@ def csv_text(columns: Mapping[str, NDArray[Any]], *, quoted: bool = False) -> st
 
 
 def trajectory_csv(run: xr.Dataset) -> str:
-    """A run as CSV: time, command and every output, in SI units."""
-    return csv_text({"time": run.time.values, **{str(name): run[name].values for name in run.data_vars}})
+    """A run as CSV: time, inputs and every output, in SI units; a unit that is not the port's stands in the header."""
+    return csv_text({"time": run.time.values, **{_header(run, str(name)): run[name].values for name in run.data_vars}})
+
+
+def _header(run: xr.Dataset, name: str) -> str:
+    unit = run[name].attrs["units"]
+    return name if name not in ports.INDEX or unit == ports.VARIABLES[ports.INDEX[name]].unit else f"{name} [{unit}]"

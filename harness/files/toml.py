@@ -1,6 +1,7 @@
 """Reads TOML files."""
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,3 +16,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise HarnessError(f"{path}: cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise HarnessError(f"{path}: is not TOML: {error}") from None
+
+
+def flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Names with dots again: TOML reads `fault.N_a = 1` as a table in a table."""
+    names: dict[str, Any] = {}
+    for name, value in table.items():
+        names |= flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
+    return names

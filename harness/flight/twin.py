@@ -39,9 +39,10 @@ class Twin(Component):
         """Fly `trial` with `parameters` (name -> value in the port's unit); every output over dimension time [s].
 
         The inputs load_torque and supply_voltage may stand among the parameters: constant where the trial gives none.
-        The dataset's variables carry units and long_name; the command is there too. Its attributes are the trial, the
-        parameters, the FMU's hash, wall_s (of the communication loop), simulated_s, and stopped. `on_progress(points)` is
-        called now and then; if it answers True, the run stops there, and the dataset ends there, with stopped True.
+        The dataset's variables carry units and long_name; the command is there too, and the other inputs where they are
+        given. Its attributes are the trial, the parameters, the FMU's hash, wall_s (of the communication loop),
+        simulated_s, and stopped. `on_progress(points)` is called now and then; if it answers True, the run stops there, and
+        the dataset ends there, with stopped True.
         """
         given = dict(parameters or {})
         outputs = sorted(ports.OUTPUTS, key=lambda port: port.kind == "Boolean")
@@ -113,8 +114,12 @@ class Twin(Component):
         recording: master.Recording,
     ) -> xr.Dataset:
         values = recording.outputs
-        command = trial.inputs["command"][: len(values)]
-        data: dict[str, Any] = {"command": ("time", command, {"units": "rad", "long_name": "Commanded position"})}
+        inputs = trial.inputs | {n: v for n, v in _constant_inputs(trial, parameters).items() if n not in trial.inputs}
+        data: dict[str, Any] = {}
+        for port in ports.INPUTS:
+            if port.name in inputs:
+                attributes = {"units": port.unit, "long_name": port.description}
+                data[port.name] = ("time", inputs[port.name][: len(values)], attributes)
         for column, port in enumerate(outputs):
             series = values[:, column].astype(bool) if port.kind == "Boolean" else values[:, column]
             data[port.name] = ("time", series, {"units": port.unit, "long_name": port.description})

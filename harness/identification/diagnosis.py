@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +25,9 @@ class Diagnosis:
     """What a measured run says about an actuator.
 
     `name`: the run's; `fidelity`: the model's. `complaints`: a line for each channel that the model cannot explain; then
-    `health` is None, and else the least of the faults'. `nuisances`: what was estimated beside the faults and is none, such as
-    `shift.position` [s], by how much that channel was shifted in time: value, sigma, unit. `measured`: the run as it was fitted,
-    with what its command does between rows decided. `evaluations`: runs of FMUs; `seconds` of wall time.
+    `health` is None, and else the least of the faults'. `nuisances`: what was estimated beside the faults, such as
+    `shift.position` [s], by how much that channel was shifted in time: value, sigma, unit. `measured`: the run as it was
+    fitted, with what its command does between rows decided. `evaluations`: runs of FMUs; `seconds` of wall time.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Diagnosis:
     verdict: str
     evaluations: int
     seconds: float
-    nuisances: dict[str, dict[str, object]]
+    nuisances: dict[str, dict[str, Any]]
     measured: Measured = field(repr=False)
     fit: Fit = field(repr=False)
 
@@ -114,7 +115,7 @@ def identify(
     )
 
 
-def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, object]]:
+def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, Any]]:
     """The channels' shifts in time, by name."""
     shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), strict=False)
     return {f"shift.{name}": {"value": value, "sigma": sigma, "unit": "s"} for name, value, sigma in shifts}
@@ -124,7 +125,7 @@ def _open_shifts(found: Fit, measured: Measured) -> list[str]:
     """A line for each channel whose shift has come to its bound: then it is most likely beyond."""
     at_bound = np.abs(found.shifts) > 0.98 * measured.shift_bound
     return [
-        f"{name} is shifted in time by {1e3 * shift:.3g} ms, as far as can be allowed: is its time, or that of the command, right?"
+        f"{name} is shifted in time by {1e3 * shift:.3g} ms, as far as is allowed: is its time, or the command's, right?"
         for name, shift, stopped in zip(measured.channels, found.shifts, at_bound, strict=False)
         if stopped
     ]

@@ -14,7 +14,7 @@ from harness.logs.noise import noise_of
 Array = NDArray[np.float64]
 
 BLOCK, BLOCK_ROWS = 0.05, 3.0
-"""Length [s] of the blocks whose scores are taken as independent: two electrical periods of a slow run; and its least rows."""
+"""Length [s] of the blocks whose scores are taken as independent: two periods of a slow run; its least rows."""
 FULL_RANK = 1e-3
 """Part of the white-noise covariance that is added, so that fewer blocks than coordinates leave none without variance."""
 

@@ -1,6 +1,6 @@
 """A measured run: what was commanded and what was measured, checked and ready to be fitted."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.actuators.actuator import Output
 from harness.errors import HarnessError
-from harness.files.columns import read_columns
 from harness.logs.log import Between, Log
 from harness.logs.noise import filled, quantum_of
 from harness.logs.observer import Observer, observer_of, shift_bound
+from harness.logs.read import read_one
+from harness.logs.run import SAME
 from harness.logs.start import resting, start_of
 from harness.logs.stimulus import trials_of
-from harness.trials import Trial, check_ranges
+from harness.trials import Trial
 
 Array = NDArray[np.float64]
 
@@ -31,15 +33,10 @@ CURRENT = "equivalent_current_filtered"
 PHASES = ("phase_current_a", "phase_current_b", "phase_current_c")
 CURRENTS = ((CURRENT,), PHASES, ("equivalent_current",), ("supply_current",))
 """Sets of channels that show the motor's current; the first that a log holds is fitted."""
-LOADS = ("load_torque", "supply_voltage")
 SETTLING = 0.2
 """Time [s] that is left out of a run that starts in motion: the integral of the speed loop at its start is not measured."""
 LEAST_WEIGHED = 0.05
 """Time in motion [s] that a run must show."""
-NO_CURRENT = (
-    "no current was measured: what shows in it alone (shorts, eccentricity, and most of friction) is left open, or rests on what "
-    "it does to the position"
-)
 
 
 @dataclass(frozen=True)
@@ -85,25 +82,20 @@ class Measured:
         return np.array([quantum_of(series) for series in self.channels.values()]) / np.sqrt(12.0)
 
 
-def read_measured(path: Path, parameters: Mapping[str, float] | None = None) -> Measured:
-    """A run from a CSV file; columns that are not needed are ignored.
+def read_measured(
+    path: Path,
+    parameters: Mapping[str, float] | None = None,
+    output: Output | None = None,
+    columns: Mapping[str, str] | None = None,
+    *,
+    with_files: Sequence[Path] = (),
+) -> Measured:
+    """The run of a log, from a file of any format; columns that are not needed are ignored.
 
-    Columns: time [s], command [rad], position [rad], motor_speed [rad/s], and equivalent_current_filtered [A] or the three
-    phase currents [A]; optionally load_torque [N.m], supply_voltage [V]. `parameters`: those set for this actuator, by port
-    name. HarnessError, with line and column, for anything that cannot be used.
+    The arguments are those of `read_log`, and the channels those of `measured_from_log`. HarnessError, with line and column,
+    for anything that cannot be used.
     """
-    table = read_columns(path, ("time", "command", "position", "motor_speed"), (CURRENT, *PHASES, *LOADS), others=True)
-    if CURRENT in table:
-        currents = [CURRENT]
-    elif all(name in table for name in PHASES):
-        currents = list(PHASES)
-    else:
-        missing = ", ".join(name for name in PHASES if name not in table)
-        raise HarnessError(f"{path}, line 1: no column '{CURRENT}', and of the phase currents {missing} missing")
-    check_ranges(path, table)
-    inputs = {name: table[name] for name in ("command", *LOADS) if name in table}
-    channels = {name: table[name] for name in ("position", "motor_speed", *currents)}
-    return measured_from_log(Log(path.stem, path, table["time"], inputs, channels), parameters)
+    return measured_from_log(read_one(path, columns, output, parameters, with_files=with_files), parameters)
 
 
 def measured_from_log(log: Log, parameters: Mapping[str, float] | None = None) -> Measured:
@@ -124,8 +116,10 @@ def measured_from_log(log: Log, parameters: Mapping[str, float] | None = None) -
     if informative.sum() * float(log.time[-1] - log.time[0]) / len(log.time) < LEAST_WEIGHED:
         raise HarnessError(f"{log.source}: the shaft hardly moves; a run in motion is needed")
     remarks = log.remarks
-    if not any(name in channels for names in CURRENTS for name in names):
-        remarks += (NO_CURRENT,)
+    if not any(name in channels for names in CURRENTS for name in names) and not any(
+        "no current" in line for line in remarks
+    ):
+        remarks += ("no current: friction and windings show in the position alone, if at all",)
     if "position" not in channels:
         remarks += ("the position was measured on the motor: what lies behind it, such as backlash, shows only in part",)
     observer = observer_of(log, next(iter(trials.values())), tuple(channels))
@@ -139,13 +133,16 @@ def _chosen(log: Log) -> dict[str, Array]:
     if len(names) < 2 and "motor_position" in there:
         names.append("motor_position")
     if names in ([], ["motor_speed"]):
+        lost = next((line for line in log.remarks if SAME in line and "position" in line), "")
+        if lost:
+            raise HarnessError(f"{log.source}, {lost}")
         found = ", ".join(there) or "none"
         raise HarnessError(f"{log.source}: no position; one on the user's or the motor's side is needed, found: {found}")
     names += next((list(wanted) for wanted in CURRENTS if all(name in there for name in wanted)), [])
     for name in names:
         values = there[name][np.isfinite(there[name])]
         if len(values) < 2 or np.ptp(values) == 0.0:
-            raise HarnessError(f"{log.source}, column {name}: the same value in all rows; nothing was measured")
+            raise HarnessError(f"{log.source}, column {name}: {SAME}")
     return {name: there[name] for name in names}
 
 

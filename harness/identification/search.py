@@ -56,11 +56,11 @@ SCREENED = np.round(coordinates.scaled(coordinates.STUDIED), 12)
 
 
 class Problem:
-    """A model's residuals against a measured run, as functions of `x`, shape (n_coordinates + n_shifts,): scaled coordinates of
-    the faults, then the channels' shifts in time in parts of their bound; none, if the run allows none.
+    """A model's residuals against a measured run, as functions of `x`, shape (n_coordinates + n_shifts,): scaled
+    coordinates of the faults, then the channels' shifts in time in parts of their bound; none, if the run allows none.
 
     `noise` (n_channels,) weighs the channels: first the noise of the signals themselves, after `reweigh` what the model
-    leaves, and never less than what a sensor's steps leave. `offset` (n_rows, n_channels) is added to the model's prediction.
+    leaves, never less than what a sensor's steps leave. `offset` (n_rows, n_channels) is added to the model's prediction.
     """
 
     def __init__(self, model: Model, measured: Measured) -> None:

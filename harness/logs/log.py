@@ -38,7 +38,9 @@ class Log:
     (n_rows,), finite. `channels`: output ports that were measured; not a number where a row has none or is masked. A
     position that was measured on the motor is `motor_position`: the rotor's angle. `between`: what the command does
     between rows; None if nobody said. `loggers`: port -> how it was taken, "sampled" for those not named. `output`: how
-    it is shown. `remarks`: a line for each thing a user should know (rows masked, gaps, columns left out, what is open).
+    it is shown. `others`: what is no port: `temperature` [degC], and `target` [rad], the command before a path planner,
+    where what is flown is its demand. `remarks`: a line for each thing a user should know
+    (rows masked, gaps, columns left out, what is open).
     """
 
     name: str
@@ -50,6 +52,7 @@ class Log:
     loggers: Mapping[str, Logger] = field(default_factory=dict)
     output: Output = field(default_factory=Output)
     group: str = ""
+    others: Mapping[str, Array] = field(default_factory=dict, repr=False)
     remarks: tuple[str, ...] = ()
 
     @property

@@ -1,7 +1,8 @@
 """A twin's outputs as a log would have taken them: by the logger's model, at the log's rows, shifted in time.
 
-A shift s of a channel means: the row of time t shows what the twin has at t + s. It is bounded by a row's distance, and stands for
-all that a log leaves open about when things happened: a column stamped late, or a command that takes effect before its row.
+A shift s of a channel means: the row of time t shows what the twin has at t + s. It is bounded by a row's distance, and
+stands for all that a log leaves open about when things happened: a column stamped late, or a command that takes effect
+before its row.
 """
 
 from dataclasses import dataclass

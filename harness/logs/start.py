@@ -111,8 +111,8 @@ def _by_position(time: Array, command: Array, position: Array, ratio: float) -> 
 
 
 def _standing(time: Array, command: Array, position: Array) -> NDArray[np.bool_]:
-    """Whether command and position both stand still about each row: a shaft that a moving command has not yet broken loose
-    shows what holds it, and carries weight."""
+    """Whether command and position both stand still about each row: a shaft that a moving command has
+    not yet broken loose shows what holds it, and carries weight."""
     allowed = max(STANDING * float(np.ptp(command)), 4.0 * noise_of(command))
     before = np.abs(np.diff(command, prepend=command[0])) <= allowed
     after = np.r_[before[1:], True]

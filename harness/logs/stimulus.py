@@ -1,11 +1,13 @@
 """From a log to the trial that it flew: its inputs on the communication grid, between the rows too."""
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
 from harness.logs.log import Between, Log
-from harness.trials import STEP, Trial, check_ranges, grid
+from harness.trials import STEP, Trial, grid
 
 Array = NDArray[np.float64]
 
@@ -26,9 +28,7 @@ def trials_of(log: Log, *, beyond: float = 0.0) -> dict[Between, Trial]:
     That is one if the log says it, or if its rows are dense: then the command is a line from row to row, or, where it jumps,
     held until the next row. Else it is each of Between, without those that make the same trial; where nothing is stated, a
     jump is a jump. `beyond` [s]: how far it goes on after the last row, with what is there.
-    HarnessError if an input is out of its range.
     """
-    check_ranges(log.source, dict(log.inputs))
     if log.between is None and is_dense(log):
         return {Between.RAMPED: _trial(log, Between.RAMPED, beyond, jumps_of(log.inputs["command"]))}
     if log.between is not None:
@@ -66,7 +66,7 @@ def _command(points: Array, time: Array, command: Array, between: Between, jumps
         return np.where(jumps[rows], command[rows], np.interp(points, time, command))
     smooth = command[rows].copy()
     edges = np.r_[0, np.flatnonzero(jumps) + 1, len(time)]
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in itertools.pairwise(edges):
         inside = (rows >= first) & (points <= time[last - 1])
         if last - first >= 3:
             curve = Akima1DInterpolator(time[first:last], command[first:last], method="makima")

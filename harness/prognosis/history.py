@@ -9,6 +9,7 @@ from pathlib import Path
 
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
+from harness.files.reader import is_readable
 from harness.identification.diagnosis import identify
 from harness.identification.estimates import Estimate
 from harness.identification.measured import read_measured
@@ -38,13 +39,13 @@ class IdentifiedFlight:
 def read_flights(source: Path) -> tuple[list[Flight], str]:
     """Flights in their order, and the unit of their times: "days", or "flights" if no dates are known.
 
-    `source`: a folder of CSV files, sorted by name, or by date if every name holds one as in 2026-03-01.csv; or a CSV list
-    with columns date (YYYY-MM-DD) and file (relative to the list). HarnessError if it holds no flights.
+    `source`: a folder of measured runs in any format, sorted by name, or by date if every name holds one as in
+    2026-03-01.csv; or a CSV list with columns date (YYYY-MM-DD) and file (relative to the list). HarnessError if it holds no flights.
     """
     if source.is_dir():
-        paths = sorted(source.rglob("*.csv"))
+        paths = sorted(path for path in source.rglob("*") if path.is_file() and is_readable(path))
         if not paths:
-            raise HarnessError(f"{source}: holds no .csv file; one for each measured run is needed")
+            raise HarnessError(f"{source}: holds no .csv or other file of columns; one for each measured run is needed")
         labels = [str(path.relative_to(source)) for path in paths]
         found = [DATE.search(label) for label in labels]
         dates = [_date(match.group(), str(path)) for match, path in zip(found, paths, strict=True) if match]
@@ -102,16 +103,18 @@ def identify_all(
     limits: Mapping[str, float],
     threshold: float,
     workers: int,
+    columns: Mapping[str, str] | None = None,
     on_flight: Callable[[], object] = lambda: None,
 ) -> list[IdentifiedFlight]:
     """Identify every flight with the model `fidelity`, in `workers` processes (0: one a core).
 
-    The other options are those of `identify`; `on_flight` is called after each flight. A flight that cannot be used stops
+    The other options are those of `identify` and of `read_measured`; `on_flight` is called after each flight. A flight that cannot be used stops
     nothing; HarnessError if none can.
     """
     with processes(workers) as pool:
         waiting = [
-            pool.submit(_identify, flight, fmus, fidelity, dict(parameters), dict(limits), threshold) for flight in flights
+            pool.submit(_identify, flight, fmus, fidelity, dict(parameters), dict(limits), threshold, dict(columns or {}))
+            for flight in flights
         ]
         found = []
         for future in waiting:
@@ -129,9 +132,10 @@ def _identify(
     parameters: dict[str, float],
     limits: dict[str, float],
     threshold: float,
+    columns: dict[str, str],
 ) -> IdentifiedFlight:
     try:
-        run = read_measured(flight.path, parameters)
+        run = read_measured(flight.path, parameters, columns=columns)
         diagnosis = identify(run, fmus=fmus, fidelity=fidelity, parameters=parameters, limits=limits, threshold=threshold)
     except HarnessError as error:
         return IdentifiedFlight(flight, {}, str(error))

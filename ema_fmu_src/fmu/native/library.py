@@ -14,6 +14,7 @@ import fmpy
 from ... import ports
 from ...twins import CLOCK, NEVER, SLOPES, STALE, TOLERANCE, TWINS, Status
 from ..description import CATEGORIES, DEFAULT_TOLERANCE
+from ..variant import DEFAULT, Variant
 from . import macho
 from .emit import ENVIRONMENT
 from .targets import PLATFORMS, Target
@@ -35,8 +36,11 @@ C_FILES = ("instance.c", "values.c", "saved.c", "fmi2.c")
 """Compiled as one translation unit: calls between the files would cost 2 to 8 % of a communication step of ELF+ and LF."""
 
 
-def header(model: str, guid: str) -> str:
-    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes, clock and messages, and the FMU's GUID."""
+def header(model: str, guid: str, variant: Variant = DEFAULT) -> str:
+    """twin.h for the twin `model` ("HF", "ELF" or "LF"): its variables, sizes, clock and messages, and the FMU's GUID.
+
+    The variables start as `variant` says.
+    """
 
     def number(value: float | None, unbounded: str = "") -> str:
         return unbounded if value is None else float(value).hex()
@@ -65,7 +69,7 @@ def header(model: str, guid: str) -> str:
     for variable in ports.VARIABLES:
         low, high = number(variable.minimum, "-DBL_MAX"), number(variable.maximum, "DBL_MAX")
         causality, fixed = variable.causality.upper(), int(variable.variability == "fixed")
-        start = number(variable.start_for(model))
+        start = number(variant.start(variable, model))
         lines.append(f'    {{"{variable.name}", {_kind(variable)}, {causality}, {fixed}, {low}, {high}, {start}}},')
     kinds = [_kind(variable) for variable in ports.VARIABLES]
     numbers = {name: number for number, name in enumerate(inputs)}
@@ -138,16 +142,19 @@ def _link(model: str, target: Target, scratch: Path, name: str) -> bytes:
     return linked.read_bytes()
 
 
-def libraries(model: str, guid: str, platforms: Sequence[str], *, scratch: Path) -> dict[str, bytes]:
+def libraries(
+    model: str, guid: str, platforms: Sequence[str], *, scratch: Path, variant: Variant = DEFAULT
+) -> dict[str, bytes]:
     """The shared library of the twin `model` for each of `platforms` (names in PLATFORMS), archive name -> content.
 
-    `scratch` is an empty folder for temporary files. RuntimeError with the tool's message if a kernel cannot be emitted or
-    the C part does not compile or link; ModuleNotFoundError without ziglang.
+    `variant`: the actuator whose start values it has. `scratch` is an empty folder for temporary files. RuntimeError with
+    the tool's message if a kernel cannot be emitted or the C part does not compile or link; ModuleNotFoundError without
+    ziglang.
     """
     if find_spec("ziglang") is None:
         raise ModuleNotFoundError("no module named ziglang", name="ziglang")
     chosen = [PLATFORMS[name] for name in platforms]
-    (scratch / "twin.h").write_text(header(model, guid))
+    (scratch / "twin.h").write_text(header(model, guid, variant))
     _emit(model, [target for platform in chosen for target in platform.targets], scratch)
     found = {}
     for platform in chosen:

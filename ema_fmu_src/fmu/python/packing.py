@@ -8,6 +8,7 @@ from pathlib import Path
 from pythonfmu.builder import FmuBuilder
 
 from .. import source
+from ..variant import DEFAULT, Variant
 
 SCRIPT = '''"""Entry script of the FMU EMA_{model}: runs the sources that the FMU was built from, wherever they are."""
 
@@ -40,20 +41,22 @@ def _sources():
 class EMA_{model}(importlib.import_module(_sources() + ".fmu.python.slave").Slave):
     model = "{model}"
     sources = HASH
+    actuator = {actuator!r}
 '''
 
 
-def members(model: str, scratch: Path) -> dict[str, bytes]:
+def members(model: str, scratch: Path, variant: Variant = DEFAULT) -> dict[str, bytes]:
     """Model description, binaries and resources of the twin `model` ("HF", "ELF" or "LF"), archive name -> content.
 
-    `scratch` is a folder for temporary files.
+    `variant`: the actuator whose start values it has. `scratch` is a folder for temporary files.
     """
     digest = source.content_hash()
     bundle = f"ema_fmu_src_{digest[:8]}"
-    module = f"EMA_{model}_{digest[:8]}"
+    module = f"EMA_{model}_{digest[:8]}{variant.digest[:8]}"
+    actuator = (variant.name, variant.description, {name: float(value) for name, value in variant.starts.items()})
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         script = Path(folder) / f"{module}.py"
-        script.write_text(SCRIPT.format(model=model, digest=digest, bundle=bundle))
+        script.write_text(SCRIPT.format(model=model, digest=digest, bundle=bundle, actuator=actuator))
         copy = Path(folder) / bundle
         for path in source.runtime_files():
             target = copy / path.relative_to(source.PACKAGE)

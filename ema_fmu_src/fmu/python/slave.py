@@ -22,6 +22,7 @@ from pythonfmu.variables import Boolean, Integer, Real
 from ... import ports
 from ...twins import CLOCK, STALE, TOLERANCE, TWINS
 from .. import description
+from ..variant import Variant
 from . import checks
 
 KINDS = {"Real": Real, "Integer": Integer, "Boolean": Boolean, "Enumeration": Integer}
@@ -51,6 +52,8 @@ class Slave(Fmi2Slave):
     model: str
     sources: str
     """Content hash of the sources, set by the class in the FMU."""
+    actuator: tuple[str, str, dict[str, float]] = ("", "", {})
+    """Name, description and start values of the actuator, set by the class in the FMU."""
     log_categories = description.CATEGORIES
 
     def __init__(self, **kwargs: Any) -> None:
@@ -58,7 +61,9 @@ class Slave(Fmi2Slave):
         _yield_import_path(self.resources)
         self.modelName = f"EMA_{self.model}"
         self._twin = TWINS[self.model]
-        self._v = np.array(ports.starts(self.model), dtype=np.float64)
+        self._variant = Variant(*self.actuator)
+        starts = [self._variant.start(variable, self.model) for variable in ports.VARIABLES]
+        self._v = np.array(starts, dtype=np.float64)
         self._x = np.zeros(self._twin.n_states, dtype=np.float64)
         self._mode = "instantiated"
         self._fresh = False  # outputs agree with what has been set, while initializing
@@ -89,6 +94,7 @@ class Slave(Fmi2Slave):
             runtime=f"pythonfmu {pythonfmu_version}",
             source_hash=self.sources,
             capabilities=CAPABILITIES,
+            variant=self._variant,
         )
 
     # --- values -----------------------------------------------------------------------------------------------------

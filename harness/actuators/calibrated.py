@@ -1,0 +1,58 @@
+"""What a calibration has written into an actuator file."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from harness.actuators.actuator import Output
+from harness.actuators.values import Stated, stated_for
+from harness.errors import HarnessError, unknown
+from harness.files.toml import flat
+from harness.parameters import settable
+
+KEYS = ("names", "values", "covariance", "nuisances", "files", "date", "by", "remarks")
+WIDTH = 1.96
+"""Standard deviations from the middle of a 95 % interval to its ends."""
+
+
+def read_calibration(table: Mapping[str, Any], where: str) -> dict[str, Stated]:
+    """The calibrated values, port -> value in its unit, with the half width of the 95 % interval from the covariance.
+
+    `values`: port = value; `names`: what the rows of `covariance` stand for, those of `values` unless it is there; names
+    that are no ports are the bench's own. The other KEYS are kept as written. HarnessError, beginning with `where`.
+    """
+    for key in table:
+        if key not in KEYS:
+            raise unknown(f"key in {where}:", key, KEYS)
+    values = table.get("values", {})
+    if not isinstance(values, dict):
+        raise HarnessError(f"{where} values: a table of ports is needed, not {values!r}")
+    found = {
+        name: stated_for(settable(name, f"{where} {name}"), value, Output(), f"{where} {name}")
+        for name, value in flat(values).items()
+    }
+    names = table.get("names", list(found))
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise HarnessError(f"{where} names: a list of names is needed, not {names!r}")
+    if "covariance" not in table:
+        return found
+    sigmas = dict(zip(names, np.sqrt(np.diag(_covariance(table["covariance"], len(names), where))), strict=True))
+    return {
+        name: Stated(item.value, WIDTH * float(sigmas[name]) if name in sigmas else item.tolerance)
+        for name, item in found.items()
+    }
+
+
+def _covariance(given: object, size: int, where: str) -> Any:
+    try:
+        matrix = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+        raise HarnessError(f"{where} covariance: {size} rows of {size} numbers are needed, one for each of names")
+    largest = math.sqrt(float(np.max(np.abs(np.diag(matrix)), initial=0.0)))
+    if (np.diag(matrix) < 0.0).any() or not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * largest**2):
+        raise HarnessError(f"{where} covariance: it has to be symmetric, with no negative number on its diagonal")
+    return matrix

@@ -1,0 +1,101 @@
+"""Values as users state them: a number in the port's unit, or a text with a unit and a tolerance."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ema_fmu_src import ports
+from harness.actuators.actuator import Output
+from harness.errors import HarnessError
+from harness.parameters import check_value
+from harness.units import conversion, split
+
+_PLUS_MINUS = re.compile(r"\+\s*/?\s*-|±")
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A value, and the half width of the interval around it, None if none is stated; both in the unit that was asked for."""
+
+    value: float
+    tolerance: float | None = None
+
+    @property
+    def relative(self) -> float | None:
+        """The half width as a fraction of the value."""
+        return self.tolerance / abs(self.value) if self.tolerance is not None and self.value else None
+
+    def times(self, factor: float) -> "Stated":
+        """This value, scaled."""
+        return Stated(self.value * factor, None if self.tolerance is None else self.tolerance * abs(factor))
+
+
+def stated(given: object, unit: str, where: str, *, outside: tuple[str, float] | None = None) -> Stated:
+    """What `given`, a number or a text such as "600 g.cm2 +- 5 %", means in `unit`.
+
+    `outside`: another unit that it may be in, and what a value in that unit is divided by to be in `unit`. HarnessError,
+    beginning with `where`, if it is no finite number, or in a unit that measures something else.
+    """
+    if isinstance(given, bool) or not isinstance(given, str | int | float):
+        raise HarnessError(f"{where}: {given!r} is not a number, or a text with a unit such as '{f'1 {unit}'.strip()}'")
+    if not isinstance(given, str):
+        if not math.isfinite(given):
+            raise HarnessError(f"{where}: {given} is not a finite number")
+        return Stated(float(given))
+    parts = _PLUS_MINUS.split(given)
+    if len(parts) > 2:
+        raise HarnessError(f"{where}: '{given}' has more than one tolerance")
+    value, own = split(parts[0], unit, where)
+    if len(parts) == 1:
+        scale, offset = _conversion(own, unit, where, outside)
+        return Stated(_finite(value * scale + offset, given, where))
+    width, of_width = split(parts[1], unit, where)
+    if width < 0.0:
+        raise HarnessError(f"{where}: '{given}': a tolerance of 0 or more is needed")
+    relative = of_width in ("%", "percent") and own != of_width
+    scale, offset = _conversion(own or ("" if relative else of_width), unit, where, outside)
+    centre = _finite(value * scale + offset, given, where)
+    if relative:
+        return Stated(centre, _finite(abs(centre) * width / 100.0, given, where))
+    return Stated(centre, _finite(width * abs(_conversion(of_width or own, unit, where, outside)[0]), given, where))
+
+
+def _conversion(given: str, unit: str, where: str, outside: tuple[str, float] | None) -> tuple[float, float]:
+    """Scale and offset from the unit `given` to `unit`, if need be by way of the unit `outside`."""
+    if not given:
+        return 1.0, 0.0
+    try:
+        return conversion(given, unit, where)
+    except HarnessError:
+        if outside is None:
+            raise
+        scale, offset = conversion(given, outside[0], where)
+        return scale / outside[1], offset / outside[1]
+
+
+def _finite(value: float, given: str, where: str) -> float:
+    if not math.isfinite(value):
+        raise HarnessError(f"{where}: '{given}' is not a finite number")
+    return value
+
+
+def stated_for(variable: ports.Variable, given: object, output: Output, where: str) -> Stated:
+    """What `given` means for a port; an Enumeration takes the name of an item, a Boolean true or false.
+
+    With a lead, user-side angles may be lengths, and a load torque a force. HarnessError, beginning with `where`, as from
+    `stated`, or if the port does not accept the value.
+    """
+    words: Mapping[str, float] = {"true": 1.0, "false": 0.0} if variable.kind == "Boolean" else variable.items
+    if variable.kind == "Boolean" and isinstance(given, bool):
+        found = Stated(float(given))
+    elif isinstance(given, str) and given.strip().lower() in words:
+        found = Stated(float(words[given.strip().lower()]))
+    elif variable.kind == "Boolean" or (isinstance(given, str) and words):
+        wanted = "true or false" if variable.kind == "Boolean" else " or ".join(["a number", *words])
+        raise HarnessError(f"{where}: {given!r} is not {wanted}")
+    else:
+        own, scale = output.unit(variable.name), output.scale(variable.name)
+        found = stated(given, variable.unit, where, outside=(own, scale) if own != variable.unit else None)
+    check_value(variable, found.value, where)
+    return found

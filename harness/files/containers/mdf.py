@@ -1,0 +1,45 @@
+"""ASAM MDF 3 and 4, by asammdf: each group of channels has times of its own."""
+
+import logging
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from harness.files.containers.arrays import Array, table_of
+from harness.files.table import Table
+
+
+def read(path: Path, data: bytes) -> Table:
+    """Every channel of numbers, in physical values; of several groups, by `GROUP.channel`."""
+    from asammdf import MDF
+
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    arrays: list[Array] = []
+    with MDF(BytesIO(data)) as file:
+        groups: list[Any] = list(file.groups)
+        several = sum(len(group.channels) > 1 for group in groups) > 1
+        for place, group in enumerate(groups):
+            if len(group.channels) < 2:
+                continue
+            stated = getattr(getattr(group, "channel_group", None), "acq_name", "") or ""
+            name = (str(stated).strip().replace(".", "_") or str(place + 1)) if several else ""
+            before = f"{name}." if name else ""
+            taken = {array.path for array in arrays}
+            if f"{before}time" in taken:
+                before = f"{name}_{place + 1}."
+            master = file.get_master(place)
+            if not len(master):
+                continue
+            arrays.append(Array(f"{before}time", master, "s", f"{before}time"))
+            master_index = file.masters_db.get(place)
+            for index, channel in enumerate(group.channels):
+                if index == master_index:
+                    continue
+                signal = file.get(group=place, index=index)
+                if signal.samples.dtype.kind in "biuf" and signal.samples.ndim == 1:
+                    arrays.append(
+                        Array(
+                            f"{before}{channel.name.replace('.', '_')}", signal.samples, signal.unit or "", f"{before}time"
+                        )
+                    )
+    return table_of(path, arrays)

@@ -1,0 +1,19 @@
+"""Parquet, by pyarrow: a column's unit stands in its metadata."""
+
+from io import BytesIO
+from pathlib import Path
+
+from harness.files.cells import columns_of
+from harness.files.table import Table
+
+
+def read(path: Path, data: bytes) -> Table:
+    import pyarrow.parquet as pq
+
+    found = pq.read_table(BytesIO(data))
+    units = []
+    for field in found.schema:
+        metadata = field.metadata or {}
+        units.append(next((metadata[key].decode() for key in (b"units", b"unit") if key in metadata), ""))
+    columns, remarks = columns_of(found.to_pandas(), [str(name) for name in found.column_names], units)
+    return Table(path, columns, remarks=remarks)

@@ -1,0 +1,50 @@
+"""Header words with units: `position [rad]`, `speed (rpm)`, `current/A`, `Weg in mm`, `t_ms`."""
+
+import re
+from collections.abc import Sequence
+
+from ema_fmu_src import ports
+from harness.units import is_unit
+
+_BRACKETS = re.compile(
+    r"(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\{(?P<curly>[^{}]*)\}|<(?P<angle>[^<>]*)>)\s*"
+)
+_SPLIT = re.compile(r"(?P<name>.+?)(?:\s*/\s*|\s+in\s+|\s*,\s+)(?P<unit>[^,\s]+)")
+_SUFFIX = re.compile(r"(?P<name>.+?)[_ -](?P<unit>[A-Za-z%]+(?:_?(?:per_)?(?:s|m|rad)2?)?)")
+_TAILS = {
+    "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "mrad": "mrad", "deg": "deg", "mm": "mm",
+    "um": "um", "cm": "cm", "rpm": "rpm", "rads": "rad/s", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s",
+    "degs": "deg/s", "deg_per_s": "deg/s", "mm_s": "mm/s", "mms": "mm/s", "mm_per_s": "mm/s", "m_s": "m/s",
+    "m_per_s": "m/s", "mA": "mA", "Nm": "N.m", "mNm": "mN.m", "kN": "kN", "mV": "mV", "degC": "degC", "A": "A",
+    "V": "V", "N": "N",
+}  # fmt: skip
+"""Endings of header words that are units, as they are written there."""
+_LETTERS = {"A", "V", "N"}
+"""Endings that may also name a phase."""
+_PHASES = {"B", "C", "U", "W"}
+OWN = {variable.name for variable in (*ports.INPUTS, *ports.OUTPUTS)}
+
+
+def parse_words(words: Sequence[str]) -> list[tuple[str, str]]:
+    """(name, unit as written) of each header word; the unit is "" where the word holds none."""
+    ends = {re.split(r"[_ -]", word.strip())[-1] for word in words}
+    phases = bool(ends & _PHASES)
+    return [_parsed(word.strip().strip('"').strip(), phases) for word in words]
+
+
+def _parsed(word: str, phases: bool) -> tuple[str, str]:
+    if word.lower().replace(" ", "_") in OWN:
+        return word, ""
+    if match := _BRACKETS.fullmatch(word):
+        square = match["square"]
+        unit = next(part for part in (square, match["round"], match["curly"], match["angle"]) if part is not None).strip()
+        if match["name"] and (square is not None or unit in ("", "-") or is_unit(unit)):
+            return match["name"], unit
+        return word, ""
+    if (match := _SPLIT.fullmatch(word)) and is_unit(match["unit"]):
+        return match["name"], match["unit"]
+    if (match := _SUFFIX.fullmatch(word)) and match["unit"] in _TAILS:
+        name, tail = match["name"], match["unit"]
+        if tail not in _LETTERS or not phases:
+            return name, _TAILS[tail]
+    return word, ""

@@ -1,0 +1,180 @@
+"""Finds the columns that are meant, in one file or in several, and says what is missing and what would do."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError, unknown
+from harness.files.header import parse_words
+from harness.files.table import Column, Table
+from harness.logs.guess import OWN, guesses, plain
+from harness.logs.mapping import ColumnSpec
+
+Array = NDArray[np.float64]
+LISTED, LONGEST = 12, 40
+"""Columns that a message lists, and characters of a name."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A column that was found: its table, itself, and what is said of it (by the user, or by its own name)."""
+
+    table: Table
+    column: Column
+    spec: ColumnSpec
+
+    @property
+    def unit(self) -> str:
+        """As the user states it, else as the header does; "" for the port's own."""
+        unit = self.spec.unit or self.column.unit
+        return "" if unit in ("-", "1") and not self.spec.unit else unit
+
+    @property
+    def where(self) -> str:
+        """The file and the column, for messages."""
+        return f"{self.table.path}, column {self.column.called}"
+
+    def cell(self, row: int) -> str:
+        """The place of a cell, for messages."""
+        return f"{self.table.where(row)}, column {self.column.called}"
+
+    def numbers(self) -> Array:
+        """The values, as written; HarnessError for a cell that is text, or for one that is infinite."""
+        column = self.column
+        for place, label in enumerate(column.labels):
+            if not _is_number(label):
+                row = int(np.flatnonzero(column.values == place)[0])
+                raise HarnessError(f"{self.cell(row)}: '{label}' is not a number")
+        if column.labels:
+            found = np.array([float(label) for label in column.labels])
+            known = np.isfinite(column.values)
+            return np.where(known, found[np.where(known, column.values, 0.0).astype(int)], np.nan)
+        if np.isinf(column.values).any():
+            row = int(np.flatnonzero(np.isinf(column.values))[0])
+            raise HarnessError(f"{self.cell(row)}: {column.values[row]:g} is not a finite number")
+        return column.values
+
+
+def _is_number(label: str) -> bool:
+    try:
+        return bool(np.isfinite(float(label)))
+    except ValueError:
+        return False
+
+
+def find(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], keys: Sequence[str]) -> dict[str, Found]:
+    """The columns of `specs`, and of the other `keys` those that bear the key's own name, in any case.
+
+    HarnessError for a spec that names no column, or more than one; or an own name that is there twice.
+    """
+    found: dict[str, Found] = {}
+    for key, spec in specs.items():
+        if key in keys and key != "time":
+            found[key] = _stated(tables, spec)
+    for key in keys:
+        if key in found or key == "time":
+            continue
+        for table in tables:
+            columns = _named(table, key)
+            if columns:
+                found[key] = Found(table, columns[0], ColumnSpec(key, columns[0].name))
+                break
+    return found
+
+
+def find_times(table: Table, column: Column, specs: Mapping[str, ColumnSpec], *, first: bool) -> Found | None:
+    """The times of a column: its own axis, or those the user names, or the column named time; None if there is none.
+
+    `first`: the table is the first of several; in the others, a name that is not there gives way to the own name.
+    """
+    spec = specs.get("time")
+    if column.time:
+        axis = [each for each in table.columns if each.name == column.time]
+        return Found(table, axis[0], ColumnSpec("time", column.time, spec.unit if spec else "")) if axis else None
+    if spec is not None:
+        columns = _matches(table, spec.column)
+        if columns or first:
+            return _stated([table], spec)
+    own = _named(table, "time")
+    if not own and not first:
+        own = [guess.column for guess in guesses(table) if guess.key == "time"]
+    return Found(table, own[0], ColumnSpec("time", own[0].name)) if own else None
+
+
+def _named(table: Table, key: str) -> list[Column]:
+    """The column that bears the key's own name, in any case; HarnessError if there are two."""
+    named = [column for column in table.columns if OWN.get(plain(column.name)) == key]
+    exact = [column for column in named if column.name == key]
+    leaves = [column for column in table.columns if OWN.get(plain(column.name.rpartition(".")[2])) == key]
+    columns = exact if len(named) > 1 and len(exact) == 1 else (named or (leaves if len(leaves) == 1 else []))
+    if len(columns) > 1:
+        raise HarnessError(f"{table.at_header}: column '{columns[0].name}' is there twice")
+    return columns
+
+
+def _stated(tables: Sequence[Table], spec: ColumnSpec) -> Found:
+    """The one column that a user names."""
+    file, _, rest = spec.column.partition(":")
+    among = [table for table in tables if table.path.name == file]
+    tables, name = (among, rest.strip()) if among and rest else (tables, spec.column)
+    hits = [Found(table, column, spec) for table in tables for column in _matches(table, name)]
+    if name.isdigit() and len(hits) > 1 and not among:
+        hits = hits[:1]  # a number alone is one of the first file
+    if len(hits) == 1:
+        return hits[0]
+    first = tables[0]
+    if hits:
+        if hits[0].table is hits[1].table:
+            raise HarnessError(
+                f"{first.at_header}: column '{name}' is there twice; give its number, such as {hits[0].column.number}"
+            )
+        raise HarnessError(f"column '{name}' is in {hits[0].table.path} and in {hits[1].table.path}; write FILE:COLUMN")
+    if name.isdigit():
+        raise HarnessError(f"{first.path}: there is no column {name} for {spec.key}; it has {len(first.columns)}")
+    names = [column.name for table in tables for column in table.columns if column.name]
+    if not names:
+        raise HarnessError(f"{first.path}: has no header words; give the number of the column for {spec.key}, not '{name}'")
+    raise unknown(f"column for {spec.key} in {first.path}:", name, names)
+
+
+def _matches(table: Table, name: str) -> list[Column]:
+    """Columns of that name: as it stands, in any case, with its unit, as the end of a dotted path, or by number."""
+    bare = parse_words([name])[0][0]
+    for test in (
+        lambda column: column.name == name,
+        lambda column: column.name.lower() == name.lower(),
+        lambda column: column.name.lower() == bare.lower(),
+        lambda column: column.name.lower().endswith(f".{name.lower()}"),
+        lambda column: name.isdigit() and column.number == int(name),
+    ):
+        hits = [column for column in table.columns if (column.name and test(column)) or (not column.name and test(column))]
+        if hits:
+            return hits
+    return []
+
+
+def missing(table: Table, keys: Sequence[str], *, linear: bool = False) -> HarnessError:
+    """The error where none of the columns can be `keys`: what was found, and the options that would accept the guesses."""
+    found = ", ".join(_listed(column) for column in table.columns[:LISTED])
+    more = f" and {len(table.columns) - LISTED} more" if len(table.columns) > LISTED else ""
+    offered = [guess.flag for guess in guesses(table, linear=linear)]
+    hint = f"; what looks like it: {' '.join(offered)}" if offered else "; name them by --column PORT=COLUMN"
+    wanted = "' or '".join(keys)
+    return HarnessError(f"{table.at_header}: no column '{wanted}', found: {found}{more}{hint} ('ema columns' shows them)")
+
+
+def require_rows(where: Path | str, rows: int) -> None:
+    """HarnessError if there are fewer than two rows."""
+    if rows < 2:
+        raise HarnessError(f"{where}: {rows} row(s) of numbers; at least two are needed")
+
+
+def _listed(column: Column) -> str:
+    if column.name:
+        name = column.name if len(column.name) <= LONGEST else f"{column.name[:LONGEST]}..."
+        return f"{name} [{column.unit}]" if column.unit else name
+    finite = column.values[np.isfinite(column.values)]
+    return f"{column.number} ({finite.min():g} to {finite.max():g})" if finite.size else f"{column.number} (empty)"

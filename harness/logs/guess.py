@@ -1,0 +1,153 @@
+"""What a column most likely is, by its word, or by its numbers where it has none; guesses are offered, never taken."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.files.table import Column, Table
+from harness.logs.mapping import KEYS
+
+_ALIASES = {
+    "time": "t time zeit timestamp timestamps temps tiempo elapsed elapsedtime seconds sec times "
+    "zeitstempel clock tsec datetime date",
+    "command": "command cmd commanded commandedposition setpoint positionsetpoint positioncommand "
+    "positioncmd cmdposition poscmd cmdpos target targetposition positiontarget reference "
+    "positionreference ref posref thetaref xref positionref demand soll sollwert "
+    "sollposition sollweg lagesoll setposition desired desiredposition commandposition "
+    "poscommand input consigne",
+    "position": "position pos actualposition positionactual actualpos posactual positionactualvalue "
+    "measuredposition positionmeasured posmeas ist istwert istposition istweg lageist weg "
+    "theta angle winkel x stroke displacement travel encoder encoderposition feedback "
+    "positionfeedback output extension rodposition shaftangle",
+    "motor_position": "motorposition motorangle rotorangle rotorposition thetam motorpos mechanicalangle "
+    "resolver motorencoder",
+    "motor_speed": "motorspeed speed velocity actualspeed actualvelocity speedactual velocityactual "
+    "velocityactualvalue omega w wm omegam rotorspeed drehzahl motorvelocity "
+    "motordrehzahl geschwindigkeit rpm n speedfeedback vel motorrpm",
+    "equivalent_current": "equivalentcurrent current iq motorcurrent actualcurrent currentactual "
+    "currentactualvalue strom motorstrom istrom qcurrent iqmeas iqactual torquecurrent i "
+    "curr amps currentmeasured measuredcurrent drivecurrent currentfeedback",
+    "equivalent_current_filtered": "equivalentcurrentfiltered iqfiltered currentfiltered filteredcurrent iqfilt "
+    "currentaveraged currentactualvalueaveraged averagedcurrent currentavg meancurrent",
+    "phase_current_a": "phasecurrenta ia iu i1 currenta currentu phasecurrentu iphasea iphaseu phaseacurrent",
+    "phase_current_b": "phasecurrentb ib iv i2 currentb currentv phasecurrentv iphaseb iphasev phasebcurrent",
+    "phase_current_c": "phasecurrentc ic iw i3 currentc currentw phasecurrentw iphasec iphasew phaseccurrent",
+    "supply_current": "supplycurrent idc buscurrent dclinkcurrent dccurrent batterycurrent ibus",
+    "load_torque": "loadtorque load torqueload externaltorque loadforce force externalforce last "
+    "lastmoment kraft tload fload",
+    "supply_voltage": "supplyvoltage vdc udc vbus busvoltage dcvoltage dclinkvoltage supply udclink "
+    "zwischenkreisspannung batteryvoltage uzk vsupply",
+    "temperature": "temperature temp windingtemperature motortemperature temperatur tmotor motortemp housingtemperature",
+    "position_error": "positionerror error followingerror followerror trackingerror lagerror schleppfehler poserror poserr",
+    "position_demand": "positiondemand demandposition positiondemandvalue profileposition plannedposition "
+    "interpolatedposition",
+    "run": "run runnumber runid cycle cyclenumber repetition trial lauf zyklus strokenumber",
+    "group": "group test testnumber testid series session gruppe batch",
+}
+"""Words without case, blanks and signs: of CiA 402, of common loggers, German ones."""
+ALIASES = {alias: key for key, words in _ALIASES.items() for alias in words.split()}
+
+
+def plain(word: str) -> str:
+    """A word without case, blanks and signs."""
+    return re.sub(r"[^a-z0-9]", "", word.lower())
+
+
+OWN = {plain(key): key for key in KEYS}
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a column looks like: a key, and the unit as it is written or as its numbers suggest ("" for the port's own)."""
+
+    column: Column
+    key: str
+    unit: str
+
+    @property
+    def flag(self) -> str:
+        """The option that accepts the guess."""
+        name = self.column.called
+        unit = f" [{self.unit}]" if self.unit else ""
+        return f"--column '{self.key}={name}{unit}'"
+
+
+def guesses(table: Table, *, linear: bool = False) -> list[Guess]:
+    """A guess for each column that looks like something, each key once, in the columns' order."""
+    if any(column.name for column in table.columns):
+        found = [(column, _by_word(column)) for column in table.columns]
+    else:
+        found = _by_numbers(table.columns)
+    taken: dict[str, Guess] = {}
+    for column, key in found:
+        if key and key not in taken and (not column.labels or key in ("run", "group")):
+            taken[key] = Guess(column, key, _unit(column, key, linear=linear))
+    return sorted(taken.values(), key=lambda guess: guess.column.number)
+
+
+def _by_word(column: Column) -> str:
+    leaf = column.name.rpartition(".")[2]
+    for word in (column.name, leaf, f"{leaf}_{column.unit}"):
+        key = OWN.get(plain(word)) or ALIASES.get(plain(word))
+        if key == "position" and _counts(column):
+            return "run"
+        if key:
+            return key
+    return ""
+
+
+def _by_numbers(columns: Sequence[Column]) -> list[tuple[Column, str]]:
+    """Without words: the first column that only rises is the time, the next is commanded, what is most like it follows."""
+    rising = next((c for c in columns if len(c.values) > 1 and not c.labels and bool(np.all(np.diff(c.values) > 0.0))), None)
+    if rising is None:
+        return []
+    rest = [c for c in columns if c is not rising and not c.labels and _varies(c)]
+    found = [(rising, "time")]
+    if rest:
+        command = rest[0]
+        found.append((command, "command"))
+        others = [c for c in rest[1:] if not np.array_equal(c.values, command.values)]
+        likeness = [_likeness(command.values, c.values) for c in others]
+        if likeness and max(likeness) > 0.5:
+            found.append((others[int(np.argmax(likeness))], "position"))
+    return found
+
+
+def _counts(column: Column) -> bool:
+    """Whether it holds whole numbers in long rows of the same, as a stroke's number does."""
+    finite = column.values[np.isfinite(column.values)]
+    whole = finite.size > 1 and bool(np.all(finite == np.rint(finite)))
+    return whole and int(np.count_nonzero(np.diff(finite))) < 0.1 * finite.size
+
+
+def _varies(column: Column) -> bool:
+    finite = column.values[np.isfinite(column.values)]
+    return finite.size > 1 and bool(np.ptp(finite) > 0.0)
+
+
+def _likeness(one: np.ndarray, other: np.ndarray) -> float:
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 3 or np.ptp(one[both]) == 0.0 or np.ptp(other[both]) == 0.0:
+        return 0.0
+    spread = np.ptp(one[both]) / np.ptp(other[both])
+    return abs(float(np.corrcoef(one[both], other[both])[0, 1])) * min(spread, 1.0 / spread) ** 0.5
+
+
+def _unit(column: Column, key: str, *, linear: bool) -> str:
+    """The unit as written, or the one that the numbers suggest."""
+    if column.unit or column.labels or key in ("run", "group"):
+        return column.unit
+    values = column.values[np.isfinite(column.values)]
+    if values.size < 2:
+        return ""
+    spread = float(np.ptp(values))
+    if key == "time":
+        step = float(np.median(np.abs(np.diff(values))))
+        return "ms" if 0.5 <= step <= 50.0 and values[0] < 1e9 else ("us" if 50.0 < step <= 5e4 and values[0] < 1e9 else "")
+    if key in ("position", "command", "position_demand", "position_error"):
+        return "mm" if linear and spread > 0.5 else ("deg" if not linear and spread > 6.3 else "")
+    if "current" in key:
+        return "mA" if spread > 500.0 else ""
+    return ""

@@ -1,0 +1,71 @@
+"""Trials from files: what is commanded, and the loads, from any file that a log may be in."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema_fmu_src import ports
+from harness.actuators.actuator import Output
+from harness.errors import HarnessError, unknown
+from harness.files.reader import read_table, stem
+from harness.logs.axes import axis_of, check_rises
+from harness.logs.convert import inside
+from harness.logs.find import find, find_times, missing, require_rows
+from harness.logs.log import Between
+from harness.logs.mapping import INPUTS, parse_specs
+from harness.trials import STEP, Trial, grid
+
+MOST_POINTS = 10_000_000
+"""Of a trial from a file, 1000 s; a file that lasts longer most likely has its times in another unit."""
+KNOWN = frozenset({"time", *(port.name for port in (*ports.INPUTS, *ports.OUTPUTS))})
+"""Columns of a run's file: what is no input of them is left out when it is flown as a trial."""
+
+Array = NDArray[np.float64]
+
+
+def read_trial(path: Path, output: Output | None = None, columns: Mapping[str, str] | None = None) -> Trial:
+    """A trial from a file: time [s], command [rad], optionally load_torque [N.m], supply_voltage [V]; any format and unit.
+
+    `columns`: port -> `COLUMN [unit] words`, as for logs; else columns are taken by the ports' names. `output`: what moves
+    at the user's side. Between the rows the command is interpolated linearly onto the communication grid, or held if its
+    words say so. Columns that are a run's outputs are left out; others are refused, unless `columns` are stated.
+    HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
+    """
+    table, specs = read_table(path), parse_specs(columns or {})
+    found = find([table], specs, INPUTS)
+    times = find_times(table, table.columns[0], specs, first=True)
+    linear = output is not None and output.lead is not None
+    if times is None or "command" not in found:
+        raise missing(table, ["time" if times is None else "command"], linear=linear)
+    if not columns:
+        for column in table.columns:
+            taken = column is times.column or any(column is each.column for each in found.values())
+            if column.name not in KNOWN and not taken:
+                raise unknown(f"column in {table.at_header}:", column.called, ("time", *INPUTS))
+    require_rows(path, len(found["command"].column.values))
+    inputs, points = {}, np.empty(0)
+    for name in INPUTS:
+        if name not in found:
+            continue
+        own = find_times(table, found[name].column, specs, first=True)
+        axis = axis_of(own or times)
+        values = inside(found[name], output or Output(), ratio=1.0)
+        if np.isnan(values).any():
+            row = int(np.flatnonzero(np.isnan(values))[0])
+            raise HarnessError(f"{found[name].cell(row)}: holds no number; every row of a trial needs one")
+        check_rises(axis, np.arange(len(values)))
+        points = _points(path, axis.time) if name == "command" else points
+        held = found[name].spec.between is Between.HELD
+        rows = np.maximum(np.searchsorted(axis.time, points + 1e-9, side="right") - 1, 0)
+        inputs[name] = values[rows] if held else np.interp(points, axis.time, values)
+    return Trial(stem(path), float(points[0]), STEP, inputs, str(path.name))
+
+
+def _points(path: Path, times: Array) -> Array:
+    """Communication points from the first to the last time."""
+    lasts = float(times[-1] - times[0])
+    if not STEP * (1.0 - 1e-6) <= lasts <= STEP * MOST_POINTS:
+        raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {STEP * MOST_POINTS:g} s can be flown")
+    return grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)
