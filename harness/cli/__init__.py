@@ -10,6 +10,7 @@ from harness.cli.bench import bench
 from harness.cli.build import build
 from harness.cli.campaign import campaign
 from harness.cli.check import check
+from harness.cli.columns import columns
 from harness.cli.compare import compare
 from harness.cli.export import export
 from harness.cli.identify import identify
@@ -25,7 +26,7 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, replay, campaign, identify, monitor, check, serve, compare, export, reference, ports):
+for command in (build, run, replay, columns, campaign, identify, monitor, check, serve, compare, export, reference, ports):
     app.command()(command)
 app.add_typer(bench, name="bench")
 

@@ -40,7 +40,8 @@ def read_flights(source: Path) -> tuple[list[Flight], str]:
     """Flights in their order, and the unit of their times: "days", or "flights" if no dates are known.
 
     `source`: a folder of measured runs in any format, sorted by name, or by date if every name holds one as in
-    2026-03-01.csv; or a CSV list with columns date (YYYY-MM-DD) and file (relative to the list). HarnessError if it holds no flights.
+    2026-03-01.csv; or a CSV list with columns date (YYYY-MM-DD) and file (relative to the list). HarnessError if it holds
+    no flights.
     """
     if source.is_dir():
         paths = sorted(path for path in source.rglob("*") if path.is_file() and is_readable(path))
@@ -108,8 +109,8 @@ def identify_all(
 ) -> list[IdentifiedFlight]:
     """Identify every flight with the model `fidelity`, in `workers` processes (0: one a core).
 
-    The other options are those of `identify` and of `read_measured`; `on_flight` is called after each flight. A flight that cannot be used stops
-    nothing; HarnessError if none can.
+    The other options are those of `identify` and of `read_measured`; `on_flight` is called after each flight. A flight that
+    cannot be used stops nothing; HarnessError if none can.
     """
     with processes(workers) as pool:
         waiting = [

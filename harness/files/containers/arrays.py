@@ -44,7 +44,7 @@ def table_of(path: Path, arrays: Iterable[Array], remarks: Sequence[str] = ()) -
     Where they are of unequal length, each knows its own times: those the container says, else an array named like a time
     of the same length, in the same group if there is one. HarnessError if there is nothing of two values or more.
     """
-    flat = _distinct([column for array in arrays for column in _apart(array)])
+    flat = [column for array in arrays for column in _apart(array)]
     whole = [array for array in flat if array.values.size > 1]
     if not whole:
         raise HarnessError(f"{path}: holds no column of two or more numbers")
@@ -73,14 +73,6 @@ def _apart(array: Array) -> list[Array]:
     if values.ndim == 2 and values.shape[1] <= WIDEST:
         return [Array(f"{array.path}.{k + 1}", values[:, k], array.unit, array.time) for k in range(values.shape[1])]
     return []
-
-
-def _distinct(arrays: list[Array]) -> list[Array]:
-    """Without what all paths begin with (a file of one group needs no group's name), if their ends differ."""
-    leaves = [array.leaf for array in arrays]
-    return arrays if len(set(leaves)) < len(leaves) or len({array.parent for array in arrays}) > 1 else [
-        Array(array.leaf, array.values, array.unit, array.time.rpartition(".")[2]) for array in arrays
-    ]  # fmt: skip
 
 
 def _times_of(array: Array, others: Sequence[Array]) -> str:
