@@ -64,7 +64,8 @@ def fit(model: Model, measured: Measured, judge: Model, *, corrected: bool = Fal
     inverse = np.linalg.inv(best.jac.T @ best.jac)
     blocks = _block_sums(jacobian * problem.weigh(difference)[:, None], measured)
     freedom = len(blocks) - len(best.x)
-    robust = len(blocks) / max(freedom, 1) * inverse @ blocks.T @ blocks @ inverse
+    scarce = (len(blocks) / max(freedom, 1)) ** (2 if measured.is_slow else 1)  # as a jackknife over few blocks has it
+    robust = scarce * inverse @ blocks.T @ blocks @ inverse
     shift = inverse @ jacobian.T @ problem.weigh(gap)
     covariance = _larger(robust, inverse) + FULL_RANK * inverse + np.diag(sigma**2 + shift**2)
     return Fit(

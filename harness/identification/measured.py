@@ -65,6 +65,11 @@ class Measured:
         """The first of the trials: the only one, where nothing is open or all has been decided."""
         return next(iter(self.trials.values()))
 
+    @property
+    def is_slow(self) -> bool:
+        """Whether the rows are too far apart to show when things happen, so that the channels' shifts are estimated."""
+        return self.shift_bound > 0.0
+
     @cached_property
     def values(self) -> Array:
         """The channels side by side, shape (n_rows, n_channels); masked rows interpolated, for `weighed` leaves them out."""

@@ -40,6 +40,8 @@ HF's plant leaves to ELF+ with any of the faults in an unsaturated run, and less
 an ampere leaves (ours)."""
 SCREEN_POINTS, MOST_STARTS = 64, 4
 """Sobol points of the global screen, and the most of its points from which a search starts."""
+ALIKE = 1.01
+"""Ratio of two sums of squares up to which two searches have ended alike."""
 STALLED = 5.0
 """Multiple of TOLERANCE up to which what is left after the searches is taken for a sign that they have stalled."""
 POPULATION, GENERATIONS = 24, 30
@@ -70,7 +72,7 @@ class Problem:
         signals = np.maximum([noise_of(series) for series in self.data.T], measured.quanta)
         self.noise = np.maximum(signals, 1e-3 * self.spread)
         self.offset = np.zeros(self.data.shape)
-        n_shifts = self.data.shape[1] if measured.shift_bound > 0.0 else 0
+        n_shifts = self.data.shape[1] if measured.is_slow else 0
         self.origin = np.zeros(len(ORIGIN) + n_shifts)
         self.lowest, self.highest = np.r_[LOWEST, -np.ones(n_shifts)], np.r_[HIGHEST, np.ones(n_shifts)]
         self._pull = 1.0 / np.r_[np.full(len(ORIGIN), PRIOR_SIGMA), np.full(n_shifts, SHIFT_SIGMA)]
@@ -113,8 +115,9 @@ class Problem:
         rms = np.sqrt(np.sum(left**2, axis=0) / np.maximum(self.measured.weighed.sum(axis=0), 1))
         self.noise = np.maximum(np.maximum(rms, self.measured.quanta), NOISE_FLOOR * self.spread)
 
-    def search(self, start: Array) -> Any:
-        """Bounded least squares (SciPy's trust region) from `start`; the pull towards healthy is a residual a coordinate."""
+    def search(self, start: Array, most: int = 30) -> Any:
+        """Bounded least squares (SciPy's trust region) from `start`, of `most` trials at most; the pull towards healthy is a
+        residual a coordinate."""
         last: list[Array] = []  # the last point and its residuals: the slopes are taken from there
 
         def rows(x: Array) -> Array:
@@ -132,7 +135,7 @@ class Problem:
             return np.array(columns).T
 
         inside = np.clip(start, self.lowest + 1e-3, self.highest - 1e-3)
-        return least_squares(rows, inside, slopes, bounds=(self.lowest, self.highest), xtol=1e-5, ftol=1e-6, max_nfev=30)
+        return least_squares(rows, inside, slopes, bounds=(self.lowest, self.highest), xtol=1e-5, ftol=1e-6, max_nfev=most)
 
     def _shift_slopes(self, x: Array) -> list[Array]:
         """Slopes of all residuals by each shift, without a flight of their own: each moves its own channel."""
@@ -154,17 +157,24 @@ def explain(problem: Problem) -> tuple[Any, Array]:
     shape (n_coordinates + n_shifts,)."""
     found, sigma = [problem.search(problem.aligned(problem.origin))], np.zeros(len(problem.origin))
     best = found[0]
-    if problem.unexplained(best.x) > TOLERANCE:
+    if problem.measured.is_slow or problem.unexplained(best.x) > TOLERANCE:
         for start in _screen(problem, best.x):
             found.append(problem.search(start))
             best = min(found, key=lambda result: float(result.cost))
-            if problem.unexplained(best.x) <= TOLERANCE:
+            if problem.unexplained(best.x) <= TOLERANCE and _confirmed(problem, found):
                 break
         if TOLERANCE < problem.unexplained(best.x) <= STALLED * TOLERANCE:
             start, sigma = _evolve(problem, [result.x for result in found])
             best = min(best, problem.search(start), key=lambda result: float(result.cost))
     problem.reweigh(best.x)
     return problem.search(best.x), sigma
+
+
+def _confirmed(problem: Problem, found: list[Any]) -> bool:
+    """Whether the best search can be trusted: noise on a few rows hides what a false minimum leaves, so in a slow log two
+    searches must have ended alike."""
+    best = min(float(result.cost) for result in found)
+    return not problem.measured.is_slow or sum(float(result.cost) < ALIKE * best for result in found) > 1
 
 
 def map_space(problem: Problem, target: Model, start: Array) -> tuple[Any, Array]:
@@ -187,11 +197,11 @@ def rms_beside_noise(difference: Array, measured: Measured) -> Array:
     In slow logs, where few rows are left after smoothing, also beyond three standard deviations of what noise may leave.
     """
     apart = float(np.median(np.diff(measured.time)))
-    width = max(SMOOTHED_ROWS if measured.shift_bound > 0.0 else 1, round(SMOOTHING / apart))
+    width = max(SMOOTHED_ROWS if measured.is_slow else 1, round(SMOOTHING / apart))
     smoothed, weighed = uniform_filter1d(difference, width, axis=0), measured.weighed
     rows = np.maximum(weighed.sum(axis=0), 1)
     white = np.array([noise_of(series) for series in difference.T]) ** 2 / width
-    if measured.shift_bound > 0.0:
+    if measured.is_slow:
         white *= 1.0 + 3.0 * np.sqrt(2.0 * width / rows)
     left = np.sum(np.where(weighed, smoothed, 0.0) ** 2, axis=0) / rows
     return np.sqrt(np.maximum(left - np.maximum(white, measured.quanta**2), 0.0))

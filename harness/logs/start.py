@@ -95,7 +95,7 @@ def _by_speed(log: Log) -> tuple[float, float, bool]:
 
 
 def _by_position(time: Array, command: Array, position: Array, ratio: float) -> tuple[float, float, bool]:
-    """The same from a parabola through the first rows: a start whose speed is not surely there, at the command, is a rest."""
+    """The same from a parabola through the first rows: a start at the command is a rest, unless it surely has a speed."""
     first = np.arange(len(time)) < max(START_ROWS, int(np.sum(time <= time[0] + START_WINDOW)))
     t, x, error = time[first] - time[0], position[first], error_of(position)
     matrix = np.vander(t, 3, increasing=True)
@@ -111,8 +111,8 @@ def _by_position(time: Array, command: Array, position: Array, ratio: float) -> 
 
 
 def _standing(time: Array, command: Array, position: Array) -> NDArray[np.bool_]:
-    """Whether command and position both stand still about each row: a shaft that a moving command has
-    not yet broken loose shows what holds it, and carries weight."""
+    """Whether command and position both stand still about each row: a shaft that a moving
+    command has not yet broken loose shows what holds it, and carries weight."""
     allowed = max(STANDING * float(np.ptp(command)), 4.0 * noise_of(command))
     before = np.abs(np.diff(command, prepend=command[0])) <= allowed
     after = np.r_[before[1:], True]

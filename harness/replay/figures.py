@@ -16,7 +16,7 @@ LEAST_RATE = 50.0
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel, in `unit`, the one outside; `measured` and `twin`, shape (n_rows,), at the log's rows.
+    """A channel, in `unit`, the one outside; `measured`, `twin`, and the twin `unshifted`, shape (n_rows,), at the rows.
 
     `shift` [s]: the twin's curve is taken so much later than the rows say, as far as a row's distance allows; `rms` of the
     difference after that, `nrmse`: over the measured range, `nrmse_20hz`: with both low-passed, None below 50 rows a second;
@@ -34,6 +34,7 @@ class Channel:
     lag: float
     measured: Array = field(repr=False)
     twin: Array = field(repr=False)
+    unshifted: Array = field(repr=False)
 
     def as_dict(self) -> dict[str, object]:
         """For JSON."""
@@ -44,13 +45,15 @@ class Channel:
 @dataclass(frozen=True)
 class TrackingError:
     """Position minus command, in `unit`: rms `measured` and of the `twin`, rms of their `difference`, and that over the
-    measured one, the `ratio`; None if nothing was measured that differs from the command."""
+    measured one, the `ratio`; None if nothing was measured that differs from the command. `ratio_unshifted`: without the
+    shift in time, which hides a part of what a wrong loop does."""
 
     unit: str
     measured: float
     twin: float
     difference: float
     ratio: float | None
+    ratio_unshifted: float | None
 
 
 def rms(values: Array) -> float:
@@ -79,8 +82,9 @@ def nrmse_20hz(time: Array, measured: Array, twin: Array) -> float | None:
     return nrmse(*(np.asarray(sosfiltfilt(sections, each, padlen=pad)) for each in series))
 
 
-def tracking_error(command: Array, measured: Array, twin: Array, unit: str) -> TrackingError:
+def tracking_error(command: Array, measured: Array, twin: Array, unshifted: Array, unit: str) -> TrackingError:
     """The tracking errors of two positions, shape (n_rows,), in `unit` all."""
     own, other = rms(measured - command), rms((twin - command)[np.isfinite(measured)])
-    difference = rms(twin - measured)
-    return TrackingError(unit, own, other, difference, difference / own if own > 0.0 else None)
+    difference, before = rms(twin - measured), rms(unshifted - measured)
+    ratios = (difference / own, before / own) if own > 0.0 else (None, None)
+    return TrackingError(unit, own, other, difference, *ratios)

@@ -12,7 +12,7 @@ from harness.show.page import LAYOUT, document, drawn, origin, table
 
 MEASURED = Line("#888888", width=1.4)
 HEADS = ("Channel", "Unit", "Rms", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Lag")
-TRACKING = ("Tracking error", "Unit", "measured", "twin", "difference", "ratio")
+TRACKING = ("Tracking error", "Unit", "measured", "twin", "difference", "ratio", "unshifted")
 
 
 def page(replays: Sequence[Replay], command: str) -> str:
@@ -47,7 +47,7 @@ def tracking_rows(replay: Replay) -> list[tuple[str, ...]]:
     if item is None:
         return []
     numbers = (f"{value:.4g}" for value in (item.measured, item.twin, item.difference))
-    return [("rms", item.unit, *numbers, _percent(item.ratio))]
+    return [("rms", item.unit, *numbers, _percent(item.ratio), _percent(item.ratio_unshifted))]
 
 
 def _percent(value: float | None) -> str:
@@ -59,7 +59,8 @@ def _section(replay: Replay) -> str:
     notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in replay.remarks)
     caption = (
         f"{len(log.time)} rows, {log.rate:.4g} a second; command {replay.between.value} between rows. "
-        "NRMSE: rms of the difference over the measured range, at the shift in time that fits best; lag: what would align them"
+        "NRMSE: rms of the difference over the measured range, at the shift in time that fits best; lag: what would align "
+        "them"
     )
     tracking = table("Position minus command", TRACKING, tracking_rows(replay)) if replay.tracking_error else ""
     names = ", ".join(channel.name for channel in replay.channels)

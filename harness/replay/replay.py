@@ -124,6 +124,7 @@ def _channels(log: Log, observer: Observer, names: Sequence[str], values: Array)
                 float(lags[place]),
                 measured,
                 twin,
+                unshifted,
             )
         )
     return tuple(channels)
@@ -136,11 +137,11 @@ def _tracking(
     found = {channel.name: channel for channel in channels}
     unit = log.output.unit("position")
     if position := found.get("position"):
-        return tracking_error(command, position.measured, position.twin, unit)
+        return tracking_error(command, position.measured, position.twin, position.unshifted, unit)
     if motor := found.get("motor_position"):
         ratio = parameters.get("gear.ratio", ports.VARIABLES[ports.INDEX["gear.ratio"]].start)
         scale = log.output.scale("position") / ratio
-        return tracking_error(command, scale * motor.measured, scale * motor.twin, unit)
+        return tracking_error(command, scale * motor.measured, scale * motor.twin, scale * motor.unshifted, unit)
     return None
 
 
