@@ -1,5 +1,6 @@
 """Cross-fidelity check: does every fidelity stay within its budget of the reference?"""
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -11,15 +12,24 @@ import xarray as xr
 
 from ema_fmu_src import ports
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
+from harness.actuators.actuator import DEFAULT as ACTUATOR
+from harness.actuators.actuator import Output
 from harness.comparison import Comparison
 from harness.errors import HarnessError
+from harness.files.reader import read_table
 from harness.files.toml import read_toml
+from harness.files.writers import FORMATS
 from harness.flight import fmufile
 from harness.flight.experiment import Experiment
 from harness.flight.isolate import TIME_LIMIT, Isolated
+from harness.logs.axes import axis_of
+from harness.logs.convert import inside
+from harness.logs.find import Found
+from harness.logs.mapping import ColumnSpec
 from harness.parameters import merged
 from harness.trials import BUILT_IN, trial
 
+ROTARY = ACTUATOR.output
 DEFAULT = Path(__file__).with_name("budgets.toml")
 PEAK_FACTOR = 5.0
 """A budget is an rms: single points may differ by so many budgets before the trajectory has left its tube."""
@@ -32,8 +42,8 @@ Budgets = dict[str, dict[str, dict[str, float]]]
 class Verdict:
     """One variable of one fidelity in one trial.
 
-    `budget` and `found`: NRMSE allowed and found (None where there is nothing to compare with); `left` [s]: when the
-    trajectory left its tube, None if it did not; `failure`: why the fidelity could not be flown.
+    `budget` and `found`: NRMSE allowed (infinite: any) and found (None where there is nothing to compare with); `left` [s]:
+    when the trajectory left its tube, None if it did not; `failure`: why the fidelity could not be flown.
     """
 
     trial: str
@@ -45,8 +55,15 @@ class Verdict:
     failure: str = ""
 
     @property
+    def judged(self) -> bool:
+        """Whether there is a limit."""
+        return math.isfinite(self.budget)
+
+    @property
     def passed(self) -> bool:
         """Whether the budget is kept."""
+        if not self.judged:
+            return not self.failure
         return not self.failure and self.found is not None and self.found <= self.budget
 
     @property
@@ -67,6 +84,14 @@ def read_budgets(path: Path = DEFAULT) -> Budgets:
     if problems:
         raise HarnessError("; ".join(f"{path}: {problem}" for problem in problems))
     return content
+
+
+def without_limits(budgets: Budgets) -> Budgets:
+    """The same trials, fidelities and variables, flown but held to nothing."""
+    return {
+        trial: {fidelity: dict.fromkeys(variables, math.inf) for fidelity, variables in fidelities.items()}
+        for trial, fidelities in budgets.items()
+    }
 
 
 def _problems(content: Mapping[str, Any]) -> Iterator[str]:
@@ -100,12 +125,14 @@ def check(
     stored: Path | None = None,
     parameters: Mapping[str, float] | None = None,
     time_limit: float = TIME_LIMIT,
+    output: Output = ROTARY,
 ) -> tuple[list[Verdict], Experiment]:
     """Fly what `budgets` names with the FMUs in the folder `fmus`, each in a process of its own.
 
     The reference is the reference fidelity's FMU there, the FMU `reference`, or the CSV files TRIAL_HF.csv in the folder
-    `stored` (which `ema run` writes). Returns a verdict for each budget, and the runs for a page. A fidelity that fails is a
-    verdict; HarnessError if the reference cannot be flown or read.
+    `stored` (which `ema run` writes; of a linear actuator, whose `output` is given, in m and N). Returns a verdict for each
+    budget, and the runs for a page. A fidelity that fails is a verdict; HarnessError if the reference cannot be flown or
+    read.
     """
     verdicts: list[Verdict] = []
     experiment = Experiment({}, (), "reference" if reference or stored else REFERENCE.name)
@@ -119,7 +146,7 @@ def check(
 
         for name, fidelities in budgets.items():
             if stored:
-                expected = _stored(stored / f"{name}_{REFERENCE.name}.csv", name).assign_attrs(fidelity=experiment.reference)
+                expected = _stored(stored, name, output).assign_attrs(fidelity=experiment.reference)
             elif reference:
                 expected = flown(reference, name, parameters or {}, experiment.reference)
             else:
@@ -139,26 +166,32 @@ def check(
     return verdicts, experiment
 
 
-def _stored(path: Path, name: str) -> xr.Dataset:
-    """The run of the trial `name` in a CSV file, with the attributes that a page needs."""
+def _stored(folder: Path, name: str, output: Output) -> xr.Dataset:
+    """The run of the trial `name` in a folder that `ema run` wrote, with the attributes that a page needs."""
+    stem = f"{name}_{REFERENCE.name}"
+    path = next((path for suffix in FORMATS if (path := folder / f"{stem}.{suffix}").exists()), folder / f"{stem}.csv")
     try:
-        table = np.genfromtxt(path, delimiter=",", names=True)
-    except (OSError, ValueError) as error:
+        table = read_table(path)
+    except HarnessError as error:
         raise HarnessError(f"{path}: no stored results of {name}: {error}; ema run writes them") from None
-    columns = table.dtype.names or ()
-    outputs = [port for port in ports.OUTPUTS if port.name in columns]
-    if not outputs or "time" not in columns:
-        raise HarnessError(f"{path}: columns time and outputs are needed, found: {', '.join(columns or ['none'])}")
-    data: dict[str, Any] = {port.name: ("time", table[port.name], {"units": port.unit}) for port in outputs}
-    data["command"] = ("time", table["command"] if "command" in columns else np.full(len(table), np.nan))
+    found = {each.name: Found(table, each, ColumnSpec(each.name, each.name)) for each in table.columns}
+    outputs = [port for port in ports.OUTPUTS if port.name in found]
+    if not outputs or "time" not in found:
+        raise HarnessError(f"{path}: columns time and outputs are needed, found: {', '.join(found) or 'none'}")
+    time = axis_of(found["time"]).time
+    data: dict[str, Any] = {
+        port.name: ("time", inside(found[port.name], output, ratio=1.0), {"units": port.unit}) for port in outputs
+    }
+    command = inside(found["command"], output, ratio=1.0) if "command" in found else np.full(len(time), np.nan)
+    data["command"] = ("time", command)
     attributes = {
         "trial": name,
         "fmu": path.name,
         "fmu_sha256": fmufile.content_hash(path),
         "wall_s": float("nan"),
-        "simulated_s": float(table["time"][-1] - table["time"][0]),
+        "simulated_s": float(time[-1] - time[0]),
     }
-    return xr.Dataset(data, {"time": ("time", table["time"])}, attributes)
+    return xr.Dataset(data, {"time": ("time", time)}, attributes)
 
 
 def _verdicts(

@@ -16,6 +16,13 @@ FIGURES = (
 )
 """The quantities of the paper's Figures 5 to 7."""
 INPUTS = frozenset(port.name for port in ports.INPUTS)
+
+
+def titles(run: xr.Dataset) -> list[str]:
+    """The titles of FIGURES, with the units that `run` has."""
+    return [f"{title.partition(' [')[0]} [{run[variable].attrs['units']}]" for variable, title in FIGURES]
+
+
 TUBE = 0.01
 """Half width of the tolerance tube, as a fraction of the reference's range."""
 

@@ -1,4 +1,4 @@
-"""Files of columns: what they are is told by their content; what is bad or open gets one line; numbers come back as written."""
+"""Files of columns: their content tells what they are; what is bad or open gets one line; numbers come back as written."""
 
 import gzip
 import io
@@ -69,7 +69,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "cut off in a row": (ROWS[:-40], "values, but the header has 5"),
     "decimal commas between commas": (
         "time,command,position\n0,00,0,01,0,0\n0,01,0,02,0,1\n",
-        "6 values, but the header has 3",
+        "'00' looks like decimals behind another comma",
     ),
     "the same without a header": ("0,00,0,01\n0,01,0,02\n0,02,0,03\n", "looks like decimals behind another comma"),
     "decimals or thousands": (
@@ -88,7 +88,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
         "line 3, column supply_voltage: 9000 .as 9 kV. is out of range",
     ),
     "a unit of something else": (ROWS.replace("position", "position [kg]"), "kg. does not measure what"),
-    "no such unit": (ROWS.replace("position", "position [blob]"), "'blob' is not a known unit"),
+    "no such unit": (ROWS.replace("position", "position [xyzzy]"), "'xyzzy' is not a known unit"),
     "a column of nothing": ("time,command,position\n0,,0\n0.01,n/a,0\n0.02,-,1\n", "column command: holds no number"),
     "nothing moves": ("time,command,position\n0,0,1\n0.01,0,1\n0.02,0,1\n", "nothing was measured"),
     "binary": (bytes(range(256)) * 4, "is no text file"),
@@ -102,7 +102,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "MATLAB cut off": (_cut("MATLAB vectors"), "begins as a MATLAB file, but is cut off"),
     "MATLAB 7.3 cut off": (_cut("MATLAB 7.3"), "begins as a MATLAB 7.3 file, but is cut off"),
     "MDF cut off": (_cut("MDF 4", 0.02), "begins as an MDF file, but is cut off"),
-    "TDMS cut off": (_cut("TDMS", 0.01), "begins as a TDMS file, but is cut off"),
+    "TDMS cut off": (_cut("TDMS"), "begins as a TDMS file, but is cut off"),
     "xlsx cut off": (_cut("xlsx"), "a zip archive, or an .xlsx file that is cut off"),
     "a zip archive": (_zip(), "is a zip archive"),
     "an old Excel file": (b"\xd0\xcf\x11\xe0" + bytes(600), "an old Excel or Office file; save it as .xlsx"),
@@ -152,10 +152,11 @@ def test_rows_above_the_header_are_left_out_but_no_row_of_numbers(tmp_path: Path
 
 def test_header_words_with_units() -> None:
     words = {
-        "position [rad]": ("position", "rad"), "speed (rpm)": ("speed", "rpm"), "t_ms": ("t", "ms"), "current/A": ("current", "A"),
-        "Weg in mm": ("Weg", "mm"), "x, mm": ("x", "mm"), "phase_current_a": ("phase_current_a", ""), "motor speed": ("motor speed", ""),
-        "v_mm_s": ("v", "mm/s"), "speed (actual)": ("speed (actual)", ""), "n [1/min]": ("n", "1/min"), "i_A": ("i", "A"),
-        "TIME": ("TIME", ""), "position_m": ("position_m", ""), "T [°C]": ("T", "°C"), "load torque [N·m]": ("load torque", "N·m"),
+        "position [rad]": ("position", "rad"), "speed (rpm)": ("speed", "rpm"), "t_ms": ("t", "ms"), "i_A": ("i", "A"),
+        "current/A": ("current", "A"), "load torque [N·m]": ("load torque", "N·m"), "Weg in mm": ("Weg", "mm"),
+        "x, mm": ("x", "mm"), "phase_current_a": ("phase_current_a", ""), "motor speed": ("motor speed", ""),
+        "v_mm_s": ("v", "mm/s"), "speed (actual)": ("speed (actual)", ""), "n [1/min]": ("n", "1/min"), "TIME": ("TIME", ""),
+        "position_m": ("position_m", ""), "T [°C]": ("T", "°C"),
     }  # fmt: skip
     assert dict(zip(words, parse_words(list(words)), strict=True)) == words
     assert parse_words(["i_A", "i_B", "i_C"]) == [("i_A", ""), ("i_B", ""), ("i_C", "")]
@@ -193,9 +194,10 @@ def test_what_is_written_in_any_dialect_is_read(
     folder = tmp_path_factory.mktemp("dialect")
     try:
         found = _read(folder, (end.join(text) + end).encode(encoding))
-    except HarnessError as refusal:
-        assert decimal == "," and "\n" not in str(refusal)
-        return
+    except HarnessError:
+        if decimal == ",":
+            return  # decimals or thousands: refused, test_bad_files
+        raise
     assert list(found) == [f"word{k}" if header else str(k + 1) for k in range(width)]
     np.testing.assert_array_equal(np.column_stack(list(found.values())), values)
 

@@ -95,8 +95,9 @@ def _rows(count: int = 60, step: float = 0.01) -> dict[str, np.ndarray]:
 def test_words_say_side_steps_and_filters(tmp_path: Path) -> None:
     stated = {"command": "command [mm] held", "position": "position [mm] motor averaged", "time": "1 [ms]"}
     rows = _rows() | {"motor_speed": np.cos(_rows()["time"])}
-    log = _log(tmp_path, lines(rows | {"time": 1e3 * rows["time"]}), stated | {"motor_speed": "motor_speed [mm/s] filtered 2 ms"},
-               output=Output(lead=0.005), parameters={"gear.ratio": 30.0})  # fmt: skip
+    table = lines(rows | {"time": 1e3 * rows["time"]})
+    stated["motor_speed"] = "motor_speed [mm/s] filtered 2 ms"
+    log = _log(tmp_path, table, stated, output=Output(lead=0.005), parameters={"gear.ratio": 30.0})
     assert log.between is Between.HELD
     assert log.loggers == {"motor_position": Logger("averaged"), "motor_speed": Logger("filtered", 0.002)}
     turn = 2.0 * np.pi / 5.0  # rad a mm
@@ -191,7 +192,7 @@ def test_gaps_missing_cells_and_spikes_are_said(tmp_path: Path) -> None:
 
 
 def test_inrush_peaks_and_noise_are_no_spikes() -> None:
-    """A square wave's inrush lasts one row at 100 Hz; the second time, its neighbours know it, for it comes again."""
+    """A square wave's inrush lasts one row at 100 Hz; it is none, for other rows show it too."""
     rng = np.random.default_rng(0)
     assert not spikes(rng.standard_normal(2000)).any() and not spikes(np.where(np.arange(500) < 250, 0.0, 1.0)).any()
     current = np.zeros(1000)
@@ -222,6 +223,16 @@ def test_no_speed_and_no_current_are_remarked(tmp_path: Path) -> None:
 def test_options_win_over_the_actuators_log_and_are_checked() -> None:
     log = {"time": "1 [ms]", "position": "4 [mm] motor"}
     assert parse_columns(["position = 3 [mm]"], log) == {"time": "1 [ms]", "position": "3 [mm]"}
+
+
+def test_a_loggers_layout_does_not_hold_for_our_own_runs(fmus: dict[str, Path], tmp_path: Path) -> None:
+    (tmp_path / "own.csv").write_text("time,command\n0,0\n0.05,0.01\n")
+    words = ["--fidelity", "LF", "--reference", "LF", "--fmus", str(fmus["LF"].parent), "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, ["run", "--trial-file", str(tmp_path / "own.csv"), *words]).exit_code == 0
+    stated = {"time": "1 [ms]", "command": "2 [mm] held", "position": "4 [mm] motor"}
+    log = read_one(tmp_path / "own_LF.csv", stated)
+    assert log.time[-1] == pytest.approx(0.05) and "position" in log.channels
+    assert any("a file of ema run" in line for line in log.remarks)
 
 
 BAD_COLUMNS = {

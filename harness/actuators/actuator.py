@@ -48,12 +48,12 @@ class Output:
         return travel if port in ANGLES else 1.0 / travel if port in TORQUES else 1.0
 
     def outside(self, port: str, values: Array) -> Array:
-        """Values of `port`, any shape, in its unit outside."""
-        return values * self.scale(port)
+        """Values of `port`, any shape, in its unit outside; the same array where nothing changes."""
+        return values if self.scale(port) == 1.0 else values * self.scale(port)
 
     def inside(self, port: str, values: Array) -> Array:
-        """Values of `port` given in its unit outside, in the port's own."""
-        return values / self.scale(port)
+        """Values of `port` given in its unit outside, in the port's own; the same array where nothing changes."""
+        return values if self.scale(port) == 1.0 else values / self.scale(port)
 
     def shown(self, run: "xr.Dataset") -> "xr.Dataset":
         """A run, with variables named like ports, in the units outside; the same dataset where nothing changes."""
@@ -98,7 +98,10 @@ class Actuator:
     @property
     def sha256(self) -> str:
         """Of the resolved parameters: every parameter's value, defaults too, and the output."""
-        resolved = {port.name: self.value(port.name) for port in ports.PARAMETERS}
+        resolved: dict[str, Any] = {port.name: self.value(port.name) for port in ports.PARAMETERS}
+        for port in ports.PARAMETERS:
+            if port.start_of and port.name not in self.parameters:
+                resolved[port.name] = [port.start_for(model) for model in ports.MODELS]
         resolved["supply_voltage"] = self.value("supply_voltage")
         if "load_torque" in self.parameters:
             resolved["load_torque"] = self.value("load_torque")

@@ -129,7 +129,7 @@ def _moved(sheet: Sheet, words: Mapping[str, Stated]) -> None:
     inertias = [word for word in ("rotor_inertia", "gear_inertia") if word in words]
     if inertias:
         J = Stated(sum(words[word].value for word in inertias), _sum_of(words[word].tolerance for word in inertias))
-        sheet.add("mechanics.J", J, " + ".join(f"{words[word].value:.5g}" for word in inertias), *inertias)
+        sheet.add("mechanics.J", J, " + ".join(f"J_{word.removesuffix('_inertia')}" for word in inertias), *inertias)
     for word, port in (("pole_pairs", "motor.p"), ("nominal_voltage", "supply_voltage")):
         if word in words:
             sheet.add(port, words[word], word, word)

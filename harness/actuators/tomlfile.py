@@ -86,7 +86,8 @@ def _table(content: Mapping[str, Any], name: str, path: Path) -> dict[str, Any]:
 
 def _text(content: Mapping[str, Any], key: str, path: Path) -> str:
     text = content.get(key, "")
-    if not isinstance(text, str) or (key in content and not text.strip()) or not (text.isprintable() or key != "name"):
+    named = key != "name" or (key not in content) or (isinstance(text, str) and text.strip() and text.isprintable())
+    if not isinstance(text, str) or not named:
         raise HarnessError(f"{path}, {key}: a text is needed, not {text!r}")
     return text.strip()
 

@@ -1,6 +1,7 @@
 """The cases of the identification bench: HF as the plant, with known faults and noise."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,15 +51,19 @@ def cases(count: int, healthy: int, seed: int) -> list[Case]:
     return drawn + sound
 
 
-def measure(case: Case, fmus: Path, rate: float) -> Measured:
-    """HF, from the folder `fmus`, flown with the faults of the case; its outputs with noise, at `rate` rows a second."""
+def measure(case: Case, fmus: Path, rate: float, parameters: Mapping[str, float] | None = None) -> Measured:
+    """HF, from the folder `fmus`, flown with the faults of the case; its outputs with noise, at `rate` rows a second.
+
+    `parameters`: those of the actuator, by port name.
+    """
+    own = dict(parameters or {})
     trial = trials.trial(case.trial)
     outputs = [port for port in ports.OUTPUTS if port.name in NOISE]
     with Twin(fmus / FIDELITIES["HF"].fmu) as plant:
-        values, _ = plant.record(trial, coordinates.to_parameters(coordinates.from_values(case.truth)), outputs)
+        values, _ = plant.record(trial, own | coordinates.to_parameters(coordinates.from_values(case.truth)), outputs)
     every = round(1.0 / (rate * trial.step))
     values, time = values[::every], trial.time[::every]
     sigma = np.ptp(values, axis=0) * [NOISE[port.name] for port in outputs]
     noisy = values + np.random.default_rng(case.seed).normal(size=values.shape) * sigma
     channels = {name: noisy[:, [port.name for port in outputs].index(name)] for name in NOISE}
-    return measured(case.trial, time, {"command": trial.inputs["command"][::every]}, channels, {})
+    return measured(case.trial, time, {"command": trial.inputs["command"][::every]}, channels, own)

@@ -3,6 +3,7 @@
 It has the same model, coordinates and sum of squares as the least squares of `harness.identification`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,11 +38,12 @@ class Evolved:
     least_squares_error: float
 
 
-def evolve(case: Case, fmus: Path, rate: float) -> Evolved:
-    """Differential evolution of ELF+ within the studied ranges, until it is as good as the least squares."""
-    run = measure(case, fmus, rate)
-    diagnosis = identify(run, fmus=fmus, fidelity=FIDELITIES["ELF+"])
-    with Model(fmus, FIDELITIES["ELF+"], run, {}) as model:
+def evolve(case: Case, fmus: Path, rate: float, parameters: Mapping[str, float]) -> Evolved:
+    """Differential evolution of ELF+ within the studied ranges, until it is as good as the least squares; `parameters`: the
+    actuator's."""
+    run = measure(case, fmus, rate, parameters)
+    diagnosis = identify(run, fmus=fmus, fidelity=FIDELITIES["ELF+"], parameters=parameters)
+    with Model(fmus, FIDELITIES["ELF+"], run, parameters) as model:
         problem = Problem(model, run)
         goal = 1.005 * problem.cost(diagnosis.fit.z)
         model.evaluations = 0

@@ -1,7 +1,7 @@
 """Identification put to the test: cases with known faults, identified with two fidelities and compared with the truth."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,12 +69,12 @@ class IdentifiedCase:
         }
 
 
-def identify_case(case: Case, fmus: Path, rate: float) -> list[IdentifiedCase]:
-    """The case, measured at `rate` rows a second and identified with each of TESTED."""
-    run = measure(case, fmus, rate)
+def identify_case(case: Case, fmus: Path, rate: float, parameters: Mapping[str, float]) -> list[IdentifiedCase]:
+    """The case, measured at `rate` rows a second and identified with each of TESTED; `parameters`: the actuator's."""
+    run = measure(case, fmus, rate, parameters)
     found = []
     for name in TESTED:
-        diagnosis = identify(run, fmus=fmus, fidelity=FIDELITIES[name])
+        diagnosis = identify(run, fmus=fmus, fidelity=FIDELITIES[name], parameters=parameters)
         explained, outcomes = not diagnosis.complaints, _outcomes(case, diagnosis)
         found.append(IdentifiedCase(case, name, explained, diagnosis.evaluations, diagnosis.seconds, outcomes))
     return found
@@ -123,17 +123,19 @@ def run(
     seed: int,
     rate: float,
     workers: int,
+    parameters: Mapping[str, float] | None = None,
     on_case: Callable[[], object] = lambda: None,
 ) -> tuple[list[IdentifiedCase], list[Evolved]]:
     """All cases with each of TESTED, and the first `evolved` of them by differential evolution.
 
     `count` faulted and `healthy` healthy cases, at `rate` rows a second, in `workers` processes of one thread each (0: one a
-    core); `on_case` is called after each.
+    core); `parameters`: the actuator's, by port name; `on_case` is called after each.
     """
+    own = dict(parameters or {})
     drawn = cases(count, healthy, seed)
     with processes(workers) as pool:
-        identifying = [pool.submit(identify_case, case, fmus, rate) for case in drawn]
-        evolving = [pool.submit(evolve, case, fmus, rate) for case in drawn[:evolved]]
+        identifying = [pool.submit(identify_case, case, fmus, rate, own) for case in drawn]
+        evolving = [pool.submit(evolve, case, fmus, rate, own) for case in drawn[:evolved]]
         found = []
         for future in identifying:
             found.extend(future.result())

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from harness.actuators.actuator import DEFAULT, Actuator
 from harness.comparison import compare
 from harness.fidelity import FIDELITIES
 from harness.flight.twin import Twin
@@ -88,19 +89,27 @@ class Speed:
         return list(dict.fromkeys(row.trial for row in self.rows))
 
 
-def count_runs(trials: Sequence[str], repeats: int) -> int:
+def count_runs(trials: Sequence[str], repeats: int, actuator: Actuator = DEFAULT) -> int:
     """Number of runs that `measure` flies."""
+    if not actuator.is_default:
+        return len(trials) * repeats * len(MODES)
     changed = [name for name in ("SIN4", "SIN", "STEP-RAMP") if name in trials]
     extra = sum(len(CHANGES) if name == "SIN4" else len(FAULTY) for name in changed)
     return len(trials) * repeats * len(MODES) + 3 * extra
 
 
 def measure(
-    fmus: Path, trials: Sequence[str] = tuple(BUILT_IN), *, repeats: int = 5, on_run: Callable[[str], None] = lambda _: None
+    fmus: Path,
+    trials: Sequence[str] = tuple(BUILT_IN),
+    *,
+    repeats: int = 5,
+    actuator: Actuator = DEFAULT,
+    on_run: Callable[[str], None] = lambda _: None,
 ) -> Speed:
     """Fly every mode of MODES in `trials` with the FMUs in the folder `fmus` on one core, in `repeats` rounds.
 
-    `on_run` is called with a description before each run.
+    What changes one parameter is flown for the default actuator alone. `on_run` is called with a description before each
+    run.
     """
     speed = Speed()
     with ExitStack() as stack:
@@ -109,7 +118,9 @@ def measure(
         def fly(name: str, mode: str, also: Mapping[str, float] = {}) -> xr.Dataset:
             on_run(f"{name} {mode}")
             fidelity, parameters = MODES[mode]
-            return twins[fidelity].run(trial(name), merged(FIDELITIES[fidelity], {**parameters, **also}))
+            return twins[fidelity].run(
+                trial(name), merged(FIDELITIES[fidelity], {**actuator.parameters, **parameters, **also})
+            )
 
         for name in trials:
             runs = {mode: fly(name, mode) for mode in MODES}
@@ -121,7 +132,7 @@ def measure(
                 errors = {} if mode == REFERENCE else errors_of(run, runs[REFERENCE])
                 speed.rows.append(Row(name, mode, wall, relative, errors))
         for name, changes in (("SIN4", tuple(CHANGES)), ("SIN", FAULTY), ("STEP-RAMP", FAULTY)):
-            for change in changes if name in trials else ():
+            for change in changes if name in trials and actuator.is_default else ():
                 reference = fly(name, REFERENCE, CHANGES[change])
                 for mode in ("HF", "ELF+"):
                     speed.changed[change, name, mode] = errors_of(fly(name, mode, CHANGES[change]), reference)

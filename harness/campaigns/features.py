@@ -1,10 +1,10 @@
 """Features of a run, for diagnosis by machine learning.
 
-For each output that is kept: `OUTPUT_rms` and `OUTPUT_range`, in its unit. `tracking_error_rms`, `tracking_error_max` [rad]:
-of command minus position. `current_harmonic_K` [A]: amplitude of the K-th harmonic of the equivalent current over the
-electrical angle, weighted by the angle turned, with the current counted in the sense of rotation; shorts show in K = 2,
-eccentricity in K = 3. `energy_supply`, `energy_copper` [J]: drawn from the bus, and lost in the windings. `saturated_part`:
-part of the run in which the voltage saturates.
+For each output that is kept: `OUTPUT_rms` and `OUTPUT_range`, in its unit. `tracking_error_rms`, `tracking_error_max` [rad;
+m of a linear actuator]: of command minus position. `current_harmonic_K` [A]: amplitude of the K-th harmonic of the
+equivalent current over the electrical angle, weighted by the angle turned, with the current counted in the sense of
+rotation; shorts show in K = 2, eccentricity in K = 3. `energy_supply`, `energy_copper` [J]: drawn from the bus, and lost in
+the windings. `saturated_part`: part of the run in which the voltage saturates.
 
 The sums are compiled: between two runs the caches are cold, and many calls of NumPy took twice as long.
 """

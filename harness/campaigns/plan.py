@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from harness.actuators.actuator import DEFAULT, Actuator
 from harness.fidelity import Fidelity
 from harness.trials import Trial
 
@@ -47,7 +48,8 @@ class Plan:
 
     `ranges`: parameter -> low, high of the samples; `grid`: parameter -> values, of which all combinations are flown;
     `listed`: parameter -> values, the columns of a file of cases; `fixed`: parameter -> value in all cases; `noise` by
-    output; `rate` [Hz] of what is kept.
+    output, in its unit outside; `rate` [Hz] of what is kept. `actuator`: the one that is flown, whose parameters are among
+    those that are fixed, sampled or listed.
     """
 
     trials: tuple[Trial, ...]
@@ -62,6 +64,7 @@ class Plan:
     sampling: str = "lhs"
     seed: int = 0
     rate: float = RATE
+    actuator: Actuator = DEFAULT
 
     @property
     def every(self) -> int:
@@ -106,6 +109,7 @@ class Plan:
             [(t.name, t.start, t.step, sorted(t.continuous)) for t in self.trials],
             [(name, noise.sigma, noise.relative) for name, noise in self.noise.items()],
             self.outputs, self.every, self.seed,
+            *([self.actuator.output.lead] if self.actuator.output.lead is not None else []),
         ])  # fmt: skip
         whole = hashlib.sha256(described.encode())
         for trial in self.trials:

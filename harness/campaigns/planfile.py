@@ -1,12 +1,14 @@
 """A plan from a TOML file and from options: every value is checked, and an error names the place of what cannot be flown."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ema_fmu_src import ports
+from harness.actuators.actuator import DEFAULT, Actuator, Output
 from harness.campaigns.plan import OUTPUTS, RATE, SAMPLINGS, Noise, Plan
 from harness.errors import HarnessError, unknown
 from harness.fidelity import parse_fidelities
@@ -20,10 +22,11 @@ MOST_CASES = 10_000_000
 OUTPUT_PORTS = {port.name: port for port in ports.OUTPUTS}
 
 
-def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None = None) -> Plan:
+def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None = None, actuator: Actuator = DEFAULT) -> Plan:
     """A plan from a TOML file with the keys KEYS, and from `options` of the same names, which take precedence.
 
-    `own`: a trial that is flown too. HarnessError, with file and key or option, for whatever cannot be flown.
+    `own`: a trial that is flown too. `actuator`: its parameters are fixed where the plan does not give them; noise on a
+    linear one's position is in m. HarnessError, with file and key or option, for whatever cannot be flown.
     """
     given = _toml(path) if path else {}
     where = {key: f"{path}, {key}" for key in given}
@@ -40,15 +43,20 @@ def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None =
         grid={n: _values(n, v, f"{at('grid')}, {n}") for n, v in _mapping(given, "grid", at("grid")).items()},
         listed=_listed(given["cases"], str(at("cases"))) if "cases" in given else {},
         fixed={n: _values(n, [v], f"{at('set')}, {n}")[0] for n, v in _mapping(given, "set", at("set")).items()},
-        noise={n: _noise(n, v, f"{at('noise')}, {n}") for n, v in _mapping(given, "noise", at("noise")).items()},
+        noise={
+            n: _noise(n, v, f"{at('noise')}, {n}", actuator.output) for n, v in _mapping(given, "noise", at("noise")).items()
+        },
         outputs=_outputs(given.get("outputs", list(OUTPUTS)), str(at("outputs"))),
         samples=_whole(given.get("samples", 1), at("samples"), least=1),
         sampling=_choice(given.get("sampling", "lhs"), str(at("sampling"))),
         seed=_whole(given.get("seed", 0), at("seed"), least=0),
         rate=_number(given.get("rate", RATE), str(at("rate"))),
+        actuator=actuator,
     )
     _check(plan, where)
-    return plan
+    named = {*plan.ranges, *plan.grid, *plan.listed, *plan.fixed}
+    own_values = {name: value for name, value in actuator.parameters.items() if name not in named}
+    return replace(plan, fixed={**plan.fixed, **own_values})
 
 
 def _check(plan: Plan, where: Mapping[str, str]) -> None:
@@ -152,7 +160,7 @@ def _pair(name: str, values: Any, where: str) -> tuple[float, float]:
     return low, high
 
 
-def _noise(name: str, value: Any, where: str) -> Noise:
+def _noise(name: str, value: Any, where: str, output: Output) -> Noise:
     if name not in OUTPUT_PORTS or OUTPUT_PORTS[name].kind != "Real":
         raise unknown("output", name, [port.name for port in OUTPUT_PORTS.values() if port.kind == "Real"])
     relative = isinstance(value, str) and value.strip().endswith("%")
@@ -161,7 +169,7 @@ def _noise(name: str, value: Any, where: str) -> Noise:
     except (TypeError, ValueError):
         sigma = -1.0
     if not 0.0 <= sigma < float("inf"):
-        raise HarnessError(f"{where}: a standard deviation is needed, in {OUTPUT_PORTS[name].unit}, or '1 %' of the range")
+        raise HarnessError(f"{where}: a standard deviation is needed, in {output.unit(name)}, or '1 %' of the range")
     return Noise(sigma, relative)
 
 

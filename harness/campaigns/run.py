@@ -134,6 +134,7 @@ def run(
         plan.noise,
         plan.every,
         plan.seed,
+        plan.actuator.output,
     )
     threads = sum(client.nthreads().values())
     if not waiting:

@@ -71,7 +71,7 @@ class Store:
             group = zarr.open_group(made, mode="r+")
             for name in self.plan.outputs:
                 port = ports.VARIABLES[ports.INDEX[name]]
-                attributes = {"units": port.unit, "long_name": port.description}
+                attributes = {"units": self.plan.actuator.output.unit(name), "long_name": port.description}
                 self._add(group, name, "float32", np.nan, attributes, time=len(self.plan.time))
             self._add(group, "features", "float64", np.nan, {}, feature=features_of_each)
             self._add(group, "failure", f"<U{REASON_LENGTH}", None, {"long_name": "Why the case failed; empty if not"})
@@ -153,6 +153,8 @@ def _coordinates(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset
         "campaign_sha256": digest,
         "fmu_sha256": json.dumps(dict(sorted(fmus.items()))),
         "seed": plan.seed,
+        "actuator": plan.actuator.name,
+        "actuator_sha256": plan.actuator.sha256,
         "noise": json.dumps({name: vars(noise) for name, noise in plan.noise.items()}),
         "versions": json.dumps({"ema-twins": __version__} | {name: version(name) for name in ("fmpy", "numpy", "scipy")}),
     }

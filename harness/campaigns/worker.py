@@ -15,6 +15,7 @@ from distributed import WorkerPlugin
 from numpy.typing import NDArray
 
 from ema_fmu_src import __version__, ports
+from harness.actuators.actuator import DEFAULT, Output
 from harness.campaigns import features
 from harness.campaigns.plan import Noise
 from harness.errors import HarnessError
@@ -32,7 +33,8 @@ SUPPLY = float(ports.VARIABLES[ports.INDEX["supply_voltage"]].start)
 
 @dataclass(frozen=True)
 class Shared:
-    """What all cases of a campaign share. `digest`: the campaign's; `fmus`: file name -> SHA-256 and content."""
+    """What all cases of a campaign share. `digest`: the campaign's; `fmus`: file name -> SHA-256 and content; `output`: the
+    actuator's, in whose units outside everything is kept."""
 
     digest: str
     trials: tuple[Trial, ...]
@@ -42,6 +44,7 @@ class Shared:
     noise: dict[str, Noise]
     every: int
     seed: int
+    output: Output = DEFAULT.output
 
 
 @dataclass(frozen=True)
@@ -132,10 +135,10 @@ def _fly_case(
     twin = _twin(fidelity.fmu, *shared.fmus[fidelity.fmu])
     buffer = _buffer((len(trial.inputs["command"]), len(recorded)))
     run, wall = twin.record(trial, merged(fidelity, parameters), recorded, into=buffer)
-    columns = {port.name: run[:, column] for column, port in enumerate(recorded)}
+    columns = {port.name: shared.output.outside(port.name, run[:, column]) for column, port in enumerate(recorded)}
     at_rate = {name: np.ascontiguousarray(series[:: shared.every]) for name, series in columns.items()}
     kept = _noisy({name: at_rate[name] for name in shared.outputs}, shared.noise, [shared.seed, case])
-    seen = at_rate | kept | {"command": trial.inputs["command"][:: shared.every]}
+    seen = at_rate | kept | {"command": shared.output.outside("command", trial.inputs["command"][:: shared.every])}
     supply = trial.inputs.get("supply_voltage", parameters.get("supply_voltage", SUPPLY))
     pairs = parameters.get("motor.p", features.PAIRS)
     row = features.features(kept, seen, columns, supply, step=trial.step, pairs=pairs)

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from ema_fmu_src import __version__
+from harness.cli.actuator import actuator
 from harness.cli.bench import bench
 from harness.cli.build import build
 from harness.cli.campaign import campaign
@@ -28,6 +29,7 @@ INTERRUPTED = 130
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 for command in (build, run, replay, columns, campaign, identify, monitor, check, serve, compare, export, reference, ports):
     app.command()(command)
+app.add_typer(actuator, name="actuator", no_args_is_help=True)
 app.add_typer(bench, name="bench")
 
 

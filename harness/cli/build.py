@@ -74,8 +74,8 @@ def build_into(
 def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None, actuator: "Actuator | None" = None) -> Path:
     """The folder `given`, or our own, with the FMUs that these fidelities need: those that are missing are built.
 
-    In our own folder, those whose sources have changed since they were built are built again. HarnessError if an `actuator`
-    is to be flown with FMUs in `given` that start as another: what it does not state would be the other's.
+    In our own folder, those whose sources have changed since they were built are built again. HarnessError as from
+    `refuse_another`, for `actuator`.
     """
     from harness.fidelity import FMU_DIR
 
@@ -89,18 +89,22 @@ def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None, actu
     if missing:
         for path in build_into(missing, folder):
             typer.echo(f"built {path}")
-    if given is not None and actuator is not None:
-        _refuse_another(actuator, [folder / fmu_name(model) for model in models])
+    refuse_another([folder / fmu_name(model) for model in models], actuator)
     return folder
 
 
-def _refuse_another(actuator: "Actuator", paths: "Sequence[Path]") -> None:
+def refuse_another(paths: "Iterable[Path]", actuator: "Actuator | None") -> None:
+    """HarnessError if one of the FMUs at `paths` was built for an actuator that is not `actuator` (None: the default one).
+
+    What that actuator leaves to the ports' defaults would be the other's, and its gear ratio unknown to who reads a log.
+    """
+    from harness.actuators.actuator import DEFAULT
     from harness.actuators.fmus import belongs_to_another, record_of
 
     for path in paths:
         record = record_of(path)
-        if belongs_to_another(record, actuator):
+        if belongs_to_another(record, actuator or DEFAULT):
             raise HarnessError(
-                f"{path}: was built for the actuator {record['actuator']}, not for {actuator.name} as it is now; "
-                f"leave out --fmus, or --actuator, or build it again with ema build --actuator"
+                f"{path}: was built for another actuator, {record['actuator']}; give --actuator with its file "
+                f"(or with healthy.ssv out of the ema.ssp beside it), or build it again with ema build"
             )

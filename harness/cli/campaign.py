@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import Columns, FmuDir, Settings, TrialFile, chosen_columns
+from harness.cli.options import ActuatorOption, Columns, FmuDir, Settings, TrialFile, chosen_actuator, chosen_columns
 from harness.cli.terminal import progress
 from harness.errors import HarnessError, required_extra
 
@@ -33,6 +33,7 @@ def campaign(
     cases: Annotated[
         Path | None, typer.Option("--cases", metavar="FILE.csv", help="A case a row, parameters as columns.")
     ] = None,
+    actuator: ActuatorOption = None,
     settings: Settings = None,
     samples: Annotated[int | None, typer.Option("--samples", metavar="N", help="Of the ranges.")] = None,
     sampling: Annotated[
@@ -86,9 +87,11 @@ def campaign(
         options["set"] = parse_settings(settings)
     if workers < 0:
         raise HarnessError(f"--workers {workers}: 0 or more is needed")
-    plan = read_plan(file, options, read_trial(trial_file, columns=chosen_columns(columns)) if trial_file else None)
+    chosen = chosen_actuator(actuator)
+    own = read_trial(trial_file, chosen.output, chosen_columns(columns)) if trial_file else None
+    plan = read_plan(file, options, own, chosen)
     results.prepare(out)
-    folder = fmu_folder(plan.fidelities, fmus)
+    folder = fmu_folder(plan.fidelities, fmus, chosen)
     with cluster(scheduler, workers or os.cpu_count() or 1) as client:
         summary = _with_progress(run, plan, client, fmus=folder, out=out)
     _print(summary, out)

@@ -9,6 +9,7 @@ import typer
 
 from harness.cli.build import fmu_folder
 from harness.cli.options import (
+    ActuatorOption,
     Columns,
     FmuDir,
     Limits,
@@ -16,12 +17,14 @@ from harness.cli.options import (
     Settings,
     Threshold,
     WithFiles,
+    chosen_actuator,
     chosen_columns,
+    chosen_limits,
     chosen_monitor,
 )
 from harness.cli.terminal import show
 from harness.errors import HarnessError
-from harness.faults import ESTIMATED, THRESHOLD, parse_limits
+from harness.faults import ESTIMATED, THRESHOLD
 
 if TYPE_CHECKING:
     from harness.identification.diagnosis import Diagnosis
@@ -32,6 +35,7 @@ def identify(
     columns: Columns = None,
     with_files: WithFiles = None,
     model: Monitor = "ELF+",
+    actuator: ActuatorOption = None,
     settings: Settings = None,
     limits: Limits = None,
     threshold: Threshold = THRESHOLD,
@@ -55,17 +59,19 @@ def identify(
     from harness.identification.page import page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
-    fidelity, parameters = chosen_monitor(model, settings, estimated=estimated)
-    health_limits = parse_limits(limits or [])
+    chosen = chosen_actuator(actuator)
+    fidelity, parameters = chosen_monitor(model, settings, estimated=estimated, actuator=chosen)
+    health_limits = chosen_limits(chosen, limits)
     if not 0.0 <= threshold < 1.0:
         raise HarnessError(f"--threshold {threshold:g}: 0 up to less than 1 is needed")
     if not tolerance > 0.0:
         raise HarnessError(f"--tolerance {tolerance:g}: more than 0 is needed, such as 0.003")
-    run = read_measured(measured, parameters, columns=chosen_columns(columns), with_files=with_files or ())
+    stated = chosen_columns(columns, chosen)
+    run = read_measured(measured, parameters, chosen.output, stated, with_files=with_files or ())
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmu_folder(diagnosis.models_for(fidelity), fmus)
+    folder = fmu_folder(diagnosis.models_for(fidelity), fmus, chosen)
     found = diagnosis.identify(
         run,
         fmus=folder,
@@ -76,9 +82,9 @@ def identify(
         tolerance=tolerance,
     )
     target = out / f"{stem(measured)}_identified.html"
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]])))
+    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
     if json_file:
-        results.write_json(json_file, found.as_dict())
+        results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
     _print(found)
     typer.echo(f"page: {target}")
     if found.complaints:

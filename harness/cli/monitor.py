@@ -8,10 +8,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import Columns, FmuDir, Limits, Monitor, Settings, Threshold, chosen_columns, chosen_monitor
+from harness.cli.options import (
+    ActuatorOption,
+    Columns,
+    FmuDir,
+    Limits,
+    Monitor,
+    Settings,
+    Threshold,
+    chosen_actuator,
+    chosen_columns,
+    chosen_limits,
+    chosen_monitor,
+)
 from harness.cli.terminal import progress, show
 from harness.errors import required_extra
-from harness.faults import ESTIMATED, THRESHOLD, parse_limits
+from harness.faults import ESTIMATED, THRESHOLD
 
 if TYPE_CHECKING:
     from harness.prognosis.outlook import Outlook
@@ -21,6 +33,7 @@ def monitor(
     runs: Annotated[Path, typer.Argument(metavar="RUNS", help="A folder of measured runs, or a list: date,file.")],
     columns: Columns = None,
     model: Monitor = "ELF+",
+    actuator: ActuatorOption = None,
     settings: Settings = None,
     limits: Limits = None,
     threshold: Threshold = THRESHOLD,
@@ -42,13 +55,14 @@ def monitor(
         from harness.prognosis.page import page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
-    fidelity, parameters = chosen_monitor(model, settings, estimated=estimated)
-    health_limits = parse_limits(limits or [])
+    chosen = chosen_actuator(actuator)
+    fidelity, parameters = chosen_monitor(model, settings, estimated=estimated, actuator=chosen)
+    health_limits = chosen_limits(chosen, limits)
     flights, unit = read_flights(runs)
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmu_folder(models_for(fidelity), fmus)
+    folder = fmu_folder(models_for(fidelity), fmus, chosen)
     with progress() as shown:
         task = shown.add_task("identifying", total=len(flights))
         history = identify_all(
@@ -59,13 +73,14 @@ def monitor(
             limits=health_limits,
             threshold=threshold,
             workers=workers,
-            columns=chosen_columns(columns),
+            output=chosen.output,
+            columns=chosen_columns(columns, chosen),
             on_flight=lambda: shown.advance(task),
         )
     found = outlook(history, health_limits, unit)
-    results.write(out / "monitor.html", page(found, history, shlex.join(["ema", *sys.argv[1:]])))
+    results.write(out / "monitor.html", page(found, history, shlex.join(["ema", *sys.argv[1:]]), chosen))
     if json_file:
-        results.write_json(json_file, found.as_dict())
+        results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
     _print(found)
     typer.echo(f"page: {out / 'monitor.html'}")
     if found.problems:

@@ -68,19 +68,44 @@ def chosen_actuator(name: str | None) -> "Actuator":
     return DEFAULT if name is None else read_actuator(name)
 
 
+def chosen_parameters(actuator: "Actuator", settings: list[str] | None) -> dict[str, float]:
+    """The parameters of `actuator`, over which those of `--set` win; HarnessError as from `parse_settings`."""
+    from harness.parameters import check_together, parse_settings
+
+    parameters = {**actuator.parameters, **parse_settings(settings or [])}
+    check_together(parameters, "--set")
+    return parameters
+
+
+def chosen_limits(actuator: "Actuator", limits: list[str] | None) -> dict[str, float]:
+    """The limits of `actuator`, over which those of `--limit` win; HarnessError as from `parse_limits`."""
+    from harness.faults import parse_limits
+
+    return {**actuator.limits, **parse_limits(limits or [])}
+
+
 def chosen_monitor(
-    name: str, settings: list[str] | None, *, estimated: Collection[str]
+    name: str, settings: list[str] | None, *, estimated: Collection[str], actuator: "Actuator"
 ) -> tuple[Fidelity, dict[str, float]]:
-    """The monitor's fidelity, and the parameters set for it; HarnessError if one of the ports to be `estimated` is set."""
+    """The monitor's fidelity, and the parameters of `actuator` and of `--set` for it.
+
+    HarnessError if one of the ports to be `estimated` is set, other than to its healthy value by the actuator.
+    """
+    from harness.actuators.actuator import DEFAULT
     from harness.fidelity import parse_fidelity
     from harness.parameters import parse_settings
 
     model = parse_fidelity(name, "--monitor")
-    parameters = parse_settings(settings or [])
     for port in estimated:
-        if port in parameters:
+        if port in parse_settings(settings or []):
             raise HarnessError(f"--set {port}: it is what is estimated; only other parameters can be set")
-    return model, parameters
+        if actuator.value(port) != DEFAULT.value(port):
+            stated = f"{port} = {actuator.value(port):g}"
+            raise HarnessError(
+                f"--actuator {actuator.name}: {stated}: it is what is estimated; a healthy actuator is needed"
+            )
+    parameters = chosen_parameters(actuator, settings)
+    return model, {port: value for port, value in parameters.items() if port not in estimated}
 
 
 def chosen_columns(texts: list[str] | None, actuator: "Actuator | None" = None) -> dict[str, str]:

@@ -16,6 +16,7 @@ from harness.cli.options import (
     WithFiles,
     chosen_actuator,
     chosen_columns,
+    chosen_parameters,
 )
 from harness.cli.terminal import show
 
@@ -41,32 +42,31 @@ def replay(
     from harness.flight.interrupt import deferred
     from harness.flight.twin import Twin
     from harness.logs.read import read_log
-    from harness.parameters import parse_settings
     from harness.replay.page import page
     from harness.replay.replay import replay as fly
 
     chosen = chosen_actuator(actuator)
     flown = parse_fidelity(fidelity, "--fidelity")
-    parameters = {**chosen.parameters, **parse_settings(settings or [])}
+    parameters = chosen_parameters(chosen, settings)
     logs = read_log(log, chosen_columns(columns, chosen), chosen.output, parameters, with_files=with_files or ())
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmu_folder([flown], fmus)
+    folder = fmu_folder([flown], fmus, chosen)
     with deferred() as interrupted, Twin(folder / flown.fmu) as twin:
         found = [fly(each, twin, flown, parameters, on_progress=lambda done: interrupted()) for each in logs]
     target = out / f"{stem(log)}_replayed.html"
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]])))
+    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
     if json_file:
-        results.write_json(json_file, _as_dict(found, log, chosen.name, chosen.sha256))
+        results.write_json(json_file, _as_dict(found, log, chosen.identity))
     for item in found:
         _print(item)
     typer.echo(f"page: {target}")
 
 
-def _as_dict(found: "list[Replay]", log: Path, name: str, sha256: str) -> dict[str, object]:
+def _as_dict(found: "list[Replay]", log: Path, actuator: dict[str, str]) -> dict[str, object]:
     """For JSON: the one run at the top, or all under `runs`."""
-    origin: dict[str, object] = {"log": str(log), "actuator": {"name": name, "sha256": sha256}}
+    origin: dict[str, object] = {"log": str(log), "actuator": actuator}
     if len(found) == 1:
         return origin | found[0].as_dict()
     return origin | {"fidelity": found[0].fidelity, "runs": [item.as_dict() for item in found]}

@@ -10,12 +10,23 @@ import typer
 
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE, Fidelity
 from harness.cli.build import fmu_folder
-from harness.cli.options import Columns, FmuDir, JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.options import (
+    ActuatorOption,
+    Columns,
+    FmuDir,
+    JsonFile,
+    Settings,
+    TrialFile,
+    chosen_actuator,
+    chosen_parameters,
+    chosen_trials,
+)
 from harness.cli.terminal import progress, show
 
 FORMATS = ("csv", "parquet", "nc", "mat", "mf4")
 
 if TYPE_CHECKING:
+    from harness.actuators.actuator import Actuator
     from harness.flight.experiment import Experiment
     from harness.flight.switch import Schedule
     from harness.trials import Trial
@@ -25,6 +36,7 @@ def run(
     trials: Annotated[list[str] | None, typer.Argument(metavar="[TRIAL ...]", help="SIN, SIN4, STEP-RAMP, ...")] = None,
     fidelity: Annotated[str, typer.Option(metavar="LIST", help="Fidelities, by commas.")] = ",".join(FIDELITIES),
     trial_file: TrialFile = None,
+    actuator: ActuatorOption = None,
     settings: Settings = None,
     reference: Annotated[str, typer.Option(metavar="FIDELITY", help="What the others are compared with.")] = REFERENCE.name,
     switches: Annotated[
@@ -51,28 +63,30 @@ def run(
     from harness.files import results
     from harness.files.writers import check_format
     from harness.flight.switch import parse_schedule
-    from harness.parameters import parse_settings
+    from harness.show.outside import experiment_of
 
     suffix = check_format(form)
-    flown = chosen_trials(trials, trial_file, columns=columns)
+    chosen = chosen_actuator(actuator)
+    flown = chosen_trials(trials, trial_file, chosen, columns=columns)
     wanted = parse_fidelities(fidelity)
     compared_with = parse_fidelity(reference, "--reference")
-    parameters = parse_settings(settings or [])
+    parameters = chosen_parameters(chosen, settings)
     schedules = [parse_schedule(text) for text in switches or []]
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
     switched = [each for schedule in schedules for each in schedule.fidelities]
-    folder = fmu_folder([*wanted, compared_with, *switched], fmus)
+    folder = fmu_folder([*wanted, compared_with, *switched], fmus, chosen)
 
     experiment = _fly(flown, wanted, compared_with, schedules, folder, parameters, isolate=isolate)
+    experiment = experiment_of(experiment, chosen)
     _write_trajectories(experiment, out, suffix)
     if experiment.stopped:
         raise KeyboardInterrupt
-    _write_page(experiment, parameters, out / "report.html")
+    _write_page(experiment, parameters, out / "report.html", chosen)
     if json_file:
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
-        results.write_json(json_file, summary(entries, experiment.comparisons))
+        results.write_json(json_file, {"actuator": chosen.identity, **summary(entries, experiment.comparisons)})
     _print(experiment)
     typer.echo(f"page: {out / 'report.html'}   trajectories: {out / f'TRIAL_FIDELITY.{suffix}'}")
     if experiment.failures:
@@ -138,7 +152,7 @@ def _write_trajectories(experiment: "Experiment", out: Path, suffix: str) -> Non
         typer.echo(f"stopped; what was computed is in {written}", err=True)
 
 
-def _write_page(experiment: "Experiment", parameters: dict[str, float], path: Path) -> None:
+def _write_page(experiment: "Experiment", parameters: dict[str, float], path: Path, actuator: "Actuator") -> None:
     from harness.budgets import read_budgets
     from harness.files import results
     from harness.show import report
@@ -146,7 +160,8 @@ def _write_page(experiment: "Experiment", parameters: dict[str, float], path: Pa
     healthy = experiment.reference == REFERENCE.name and not parameters  # what the budgets are for
     command = shlex.join(["ema", *sys.argv[1:]])
     budgets = read_budgets() if healthy else None
-    results.write(path, report.page(experiment, parameters=parameters, command=command, budgets=budgets))
+    page = report.page(experiment, parameters=parameters, command=command, budgets=budgets, actuator=actuator)
+    results.write(path, page)
 
 
 def _print(experiment: "Experiment") -> None:

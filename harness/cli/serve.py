@@ -5,13 +5,14 @@ from typing import Annotated
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir
+from harness.cli.options import ActuatorOption, FmuDir, chosen_actuator
 from harness.errors import required_extra
 
 
 def serve(
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="This machine alone, unless told otherwise.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="N", help="0 takes a free one.")] = 8050,
+    actuator: ActuatorOption = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fly the twins on a live page: trial, fidelities and faults by sliders."""
@@ -21,8 +22,9 @@ def serve(
 
     with required_extra("serve"):
         from harness.show.live import Server
-    folder = fmu_folder(FIDELITIES.values(), fmus)
+    chosen = chosen_actuator(actuator)
+    folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
     logging.getLogger("werkzeug").setLevel(logging.WARNING)
-    server = Server(folder, host=host, port=port)
+    server = Server(folder, host=host, port=port, actuator=chosen, named=actuator)
     typer.echo(f"{server.url}   Ctrl-C ends it")
     server.run()

@@ -17,6 +17,9 @@ from harness.parameters import merged
 
 Array = NDArray[np.float64]
 
+MOST_ECCENTRIC = 0.97
+"""Of motor.p * fault.zeta, which has to stay below 1: more pole pairs leave less room than the search has."""
+
 
 class Model:
     """A fidelity's FMU, from the folder `fmus`, that predicts a measured run; a context manager.
@@ -29,6 +32,7 @@ class Model:
         self.evaluations = 0
         self._measured = measured
         self._parameters = merged(fidelity, {**measured.initial, **parameters})
+        self._pairs = parameters.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
         self._outputs = [port for port in ports.OUTPUTS if port.name in measured.channels]
         self._columns = [[port.name for port in self._outputs].index(name) for name in measured.channels]
         self._last: tuple[Array, Array] | None = None  # coordinates and what was flown with them
@@ -61,7 +65,8 @@ class Model:
         """The channels on the trial's grid, shape (n_points, n_channels); the last flight is kept."""
         if self._last is None or not np.array_equal(self._last[0], z):
             self.evaluations += 1
-            parameters = self._parameters | coordinates.to_parameters(z)
-            values, _ = self._twin.record(self._measured.trial, parameters, self._outputs)
+            faults = coordinates.to_parameters(z)
+            faults["fault.zeta"] = min(faults["fault.zeta"], MOST_ECCENTRIC / self._pairs)
+            values, _ = self._twin.record(self._measured.trial, self._parameters | faults, self._outputs)
             self._last = z.copy(), np.ascontiguousarray(values[:, self._columns])
         return self._last[1]

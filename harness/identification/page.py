@@ -4,20 +4,20 @@ import html
 
 import plotly.graph_objects as go
 
-from ema_fmu_src import ports
+from harness.actuators.actuator import DEFAULT, Actuator, Output
 from harness.identification.diagnosis import Diagnosis
 from harness.identification.estimates import Estimate
 from harness.identification.measured import Measured
 from harness.show.curves import Line, curve, intervals, shade, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, origin, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
 
 LINES = {"measured": Line("#888888", width=1.0, opacity=0.7), "healthy": Line("#16935b"), "identified": Line("#1f6fd6")}
 HEADS = ("Fault", "Estimate", "95 % interval", "Health", "")
 
 
-def page(diagnosis: Diagnosis, command: str) -> str:
-    """The page as HTML text; `command` is the command line that makes it again."""
+def page(diagnosis: Diagnosis, command: str, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `command` is the command line that makes it again, `actuator` the one that was measured."""
     measured = diagnosis.measured
     kind = "near" if diagnosis.complaints else "over" if any(item.alarm for item in diagnosis.estimates) else "ok"
     notes = "".join(f"<p>{html.escape(line)}.</p>" for line in diagnosis.remarks)
@@ -25,13 +25,13 @@ def page(diagnosis: Diagnosis, command: str) -> str:
         notes += "<p>The estimates below are what comes nearest; they explain the run badly and mean nothing.</p>"
     health = "" if diagnosis.health is None else f" Health of the worst fault: {diagnosis.health:.2f}."
     description = f"Measured, healthy and identified curves of {', '.join(measured.channels)} over time, with residuals."
+    curves = drawn(figure(diagnosis, measured, actuator.output), description)
     return document(
         f"EMA twins: {diagnosis.name} identified",
         f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.fidelity)}</h1>"
-        f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{notes}'
+        f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{flown_actuator(actuator)}{notes}'
         f"{table(_caption(diagnosis), HEADS, rows(diagnosis))}"
-        f"{_nuisances(diagnosis)}"
-        f"<section><h2>Measured and identified</h2>{drawn(figure(diagnosis, measured), description)}</section>"
+        f"{_nuisances(diagnosis)}<section><h2>Measured and identified</h2>{curves}</section>"
         f"{origin(command)}",
     )
 
@@ -65,15 +65,17 @@ def _row(item: Estimate) -> tuple[str, ...]:
     return item.fault, f"{item.value:.4g}{unit}", f"{item.low:.4g} to {item.high:.4g}{unit}", health, remark
 
 
-def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
+def figure(diagnosis: Diagnosis, measured: Measured, output: Output = DEFAULT.output) -> go.Figure:
     """Each channel with the residuals of the healthy and the identified model under it; rows without weight are shaded."""
     names = list(measured.channels)
-    units = [ports.VARIABLES[ports.INDEX[name]].unit for name in names]
+    units = [output.unit(name) for name in names]
     titles = [f"{name}<br>[{unit}]" for name, unit in zip(names, units, strict=True)]
     drawing = rows_of(titles, residuals=0.32, size=11)
     for place in range(len(names)):
-        data, row = measured.channels[names[place]], 2 * place + 1
-        models = {"healthy": diagnosis.fit.healthy[:, place], "identified": diagnosis.fit.predicted[:, place]}
+        scale, row = output.scale(names[place]), 2 * place + 1
+        data = scale * measured.channels[names[place]]
+        fits = {"healthy": diagnosis.fit.healthy, "identified": diagnosis.fit.predicted}
+        models = {label: scale * fit[:, place] for label, fit in fits.items()}
         for label, values in {"measured": data, **models}.items():
             points = thinned(measured.time, values)
             drawing.add_trace(curve(label, LINES[label], points, legend=place == 0), row=row, col=1)

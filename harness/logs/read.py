@@ -1,6 +1,7 @@
 """Reads logs: any file, columns by name or as stated, in the ports' names and units; one Log for each run."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,11 @@ from harness.logs.run import Rows, log_of
 Array = NDArray[np.float64]
 
 
+OWN_RUN = "a file of ema run: its columns are taken by their own names, whatever --column or the actuator's [log] says"
+MOST_OUTPUTS = 15
+"""Columns named like outputs from which a file is one of `ema run`: no logger writes so many of ours."""
+
+
 def read_log(
     path: Path,
     columns: Mapping[str, str] | None = None,
@@ -33,13 +39,16 @@ def read_log(
     """The runs of a log, in the order in which they begin in the file.
 
     `columns`: port -> `COLUMN [unit] words`, as in an actuator's `[log]`; other columns are taken where they bear a port's
-    own name. `output`: what moves at the user's side; without a unit, positions are in its unit. `parameters`: of this
+    own name. A file of `ema run` is read by its own names alone. `output`: what moves at the user's side; without a unit, positions are in its unit. `parameters`: of this
     actuator, by port name. `with_files`: further files, joined by time. HarnessError, with line and column, for anything
     that cannot be used; where columns are missing, with what was found and the options that would accept a guess.
     """
     shown = output or Output()
     specs = parse_specs(columns or {})
     tables = [read_table(each) for each in (path, *with_files)]
+    if specs and is_run(tables[0]):
+        specs = {}
+        tables[0] = replace(tables[0], remarks=(*tables[0].remarks, OWN_RUN))
     ratio = (parameters or {}).get("gear.ratio", ports.VARIABLES[ports.INDEX["gear.ratio"]].start)
     rows = _rows(tables, specs, shown, ratio)
     return [log_of(rows, which, name, group, shown, path, ratio) for name, group, which in _runs(rows)]
@@ -103,6 +112,12 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
             spread[places[list(axes).index(of[key])]] = values[key]
             values[key] = spread
     return Rows(first, axes[demand], time, values, labels, found, tuple(remarks + _left_out(first, found)), len(axes) == 1)
+
+
+def is_run(table: Table) -> bool:
+    """Whether a file is what `ema run` writes: a logger's layout does not hold for it."""
+    names = {column.name for column in table.columns}
+    return {"time", "command"} <= names and len(names & {port.name for port in ports.OUTPUTS}) >= MOST_OUTPUTS
 
 
 def _check_enough(first: Table, found: Mapping[str, Found], times: bool, *, linear: bool) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
+from harness.actuators.actuator import DEFAULT, Output
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
 from harness.files.reader import is_readable
@@ -104,6 +105,7 @@ def identify_all(
     limits: Mapping[str, float],
     threshold: float,
     workers: int,
+    output: Output = DEFAULT.output,
     columns: Mapping[str, str] | None = None,
     on_flight: Callable[[], object] = lambda: None,
 ) -> list[IdentifiedFlight]:
@@ -112,11 +114,9 @@ def identify_all(
     The other options are those of `identify` and of `read_measured`; `on_flight` is called after each flight. A flight that
     cannot be used stops nothing; HarnessError if none can.
     """
+    shared = (fmus, fidelity, dict(parameters), dict(limits), threshold, output, dict(columns or {}))
     with processes(workers) as pool:
-        waiting = [
-            pool.submit(_identify, flight, fmus, fidelity, dict(parameters), dict(limits), threshold, dict(columns or {}))
-            for flight in flights
-        ]
+        waiting = [pool.submit(_identify, flight, *shared) for flight in flights]
         found = []
         for future in waiting:
             found.append(future.result())
@@ -133,10 +133,11 @@ def _identify(
     parameters: dict[str, float],
     limits: dict[str, float],
     threshold: float,
+    output: Output,
     columns: dict[str, str],
 ) -> IdentifiedFlight:
     try:
-        run = read_measured(flight.path, parameters, columns=columns)
+        run = read_measured(flight.path, parameters, output, columns)
         diagnosis = identify(run, fmus=fmus, fidelity=fidelity, parameters=parameters, limits=limits, threshold=threshold)
     except HarnessError as error:
         return IdentifiedFlight(flight, {}, str(error))

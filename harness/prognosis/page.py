@@ -8,10 +8,11 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from harness.actuators.actuator import DEFAULT, Actuator
 from harness.prognosis.growth import Trend
 from harness.prognosis.history import IdentifiedFlight
 from harness.prognosis.outlook import Outlook, life_in_words
-from harness.show.page import LAYOUT, document, drawn, origin, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
 
 HEADS = ("Fault", "Now", "Limit", "Event state (health)", "Rate", "Remaining useful life")
 
@@ -31,8 +32,8 @@ def rows(outlook: Outlook) -> list[tuple[str, ...]]:
     ]
 
 
-def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str) -> str:
-    """The page as HTML text; `command` is the command line that makes it again."""
+def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `command` is the command line that makes it again, `actuator` the one that was followed."""
     growing = [trend for trend in outlook.trends.values() if trend.grows]
     kind = "over" if any(trend.health <= 0.0 for trend in outlook.trends.values()) else "near" if growing else "ok"
     problems = "".join(f"<li>{html.escape(line)}</li>" for line in outlook.problems)
@@ -45,6 +46,7 @@ def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str) ->
     return document(
         "EMA twins: faults over time",
         f'<h1>Faults over time</h1><p class="verdict {kind}">{html.escape(outlook.verdict)}.</p>'
+        f"{flown_actuator(actuator)}"
         f"<p>{outlook.runs} runs, {html.escape(first)} to {html.escape(last)}; times in {outlook.unit} from the first. "
         "The event is a fault at its limit; the event state is the health index, 1 healthy and 0 at the limit.</p>"
         f"{table('Faults now, and the time of the event', HEADS, rows(outlook))}"

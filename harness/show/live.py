@@ -14,7 +14,8 @@ from werkzeug.serving import make_server
 
 from ema_fmu_src import ports
 from ema_fmu_src.fidelities import FIDELITIES, MODELS, REFERENCE, SURROGATE, highest
-from harness.comparison import FIGURES, compare, percent
+from harness.actuators.actuator import DEFAULT, Actuator
+from harness.comparison import FIGURES, compare, percent, titles
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED
 from harness.fidelity import file_stem
@@ -22,6 +23,7 @@ from harness.files import results
 from harness.flight.twin import Twin
 from harness.parameters import merged
 from harness.show.curves import COMMAND, curve, lines_of, rows, stride
+from harness.show.outside import run_of
 from harness.show.page import LAYOUT
 from harness.trials import BUILT_IN, trial
 
@@ -36,24 +38,30 @@ SLIDERS = {parameter.port: parameter.slider for parameter in ESTIMATED.values()}
 
 
 class Fleet:
-    """The open FMUs of a folder, one instance each, flown by one request at a time."""
+    """The open FMUs of a folder, one instance each, flown as `actuator` by one request at a time.
 
-    def __init__(self, fmus: Path) -> None:
+    `named`: how the command line names that actuator, None if it need not.
+    """
+
+    def __init__(self, fmus: Path, actuator: Actuator = DEFAULT, named: str | None = None) -> None:
         self.fmus = fmus
+        self.actuator = actuator
+        self.named = named
         self._twins: dict[str, Twin] = {}
         self._lock = threading.Lock()
 
     def fly(self, name: str, fidelities: Sequence[str], faults: Mapping[str, float]) -> dict[str, xr.Dataset]:
-        """A run of the trial `name` with each of `fidelities`."""
+        """A run of the trial `name` with each of `fidelities`, in the actuator's units outside."""
+        parameters = {**self.actuator.parameters, **faults}
         runs = {}
         with self._lock:
             for fidelity in fidelities:
                 chosen = FIDELITIES[fidelity]
                 if chosen.fmu not in self._twins:
                     self._twins[chosen.fmu] = Twin(self.fmus / chosen.fmu)
-                run = self._twins[chosen.fmu].run(trial(name), merged(chosen, faults))
+                run = self._twins[chosen.fmu].run(trial(name), merged(chosen, parameters))
                 run.attrs["fidelity"] = fidelity
-                runs[fidelity] = run
+                runs[fidelity] = run_of(run, self.actuator)
         return runs
 
     def close(self) -> None:
@@ -64,18 +72,19 @@ class Fleet:
             self._twins.clear()
 
 
-def command(name: str, fidelities: Sequence[str], faults: Mapping[str, float]) -> str:
-    """The command line that flies what is shown."""
+def command(name: str, fidelities: Sequence[str], faults: Mapping[str, float], actuator: str | None = None) -> str:
+    """The command line that flies what is shown; `actuator` is what follows --actuator."""
     reference = highest(fidelities)
     settings = [part for fault, value in faults.items() for part in ("--set", f"{fault}={value:g}")]
-    return shlex.join(["ema", "run", name, "--fidelity", ",".join(fidelities), "--reference", reference, *settings])
+    return shlex.join(["ema", "run", name, "--fidelity", ",".join(fidelities), "--reference", reference,
+                       *(["--actuator", actuator] if actuator else []), *settings])  # fmt: skip
 
 
 def figure(runs: Mapping[str, xr.Dataset]) -> go.Figure:
     """Position, speed and current of each fidelity over time."""
-    drawn = rows([title for _, title in FIGURES], spacing=0.04)
     lines = lines_of(runs)
     first = next(iter(runs.values()))
+    drawn = rows(titles(first), spacing=0.04)
     every = stride(first.sizes["time"])
     time = first.time.values[::every]
     drawn.add_trace(curve("command", COMMAND, (time, first.command.values[::every])), row=1, col=1)
@@ -91,7 +100,7 @@ def figure(runs: Mapping[str, xr.Dataset]) -> go.Figure:
 def errors(runs: Mapping[str, xr.Dataset]) -> list[Any]:
     """A table of errors against the highest fidelity shown."""
     reference = highest(runs)
-    head = html.Tr([html.Th(text) for text in ("Fidelity", *(title for _, title in FIGURES), "ms")])
+    head = html.Tr([html.Th(text) for text in ("Fidelity", *titles(runs[reference]), "ms")])
     body = []
     for fidelity, run in runs.items():
         found = compare(run, runs[reference], names=(fidelity, reference)) if fidelity != reference else []
@@ -107,13 +116,13 @@ def errors(runs: Mapping[str, xr.Dataset]) -> list[Any]:
 def app(fleet: Fleet) -> Dash:
     """The Dash app on the FMUs of `fleet`."""
     made = Dash(__name__, title="EMA twins, live", update_title="")
-    made.layout = _layout()
+    made.layout = _layout(fleet.actuator)
 
     def chosen(lower: Sequence[str], reference: Sequence[str]) -> list[str]:
         return [name for name in FIDELITIES if name in (*reference, *lower)] or [SURROGATE.name]
 
     def moved(values: Sequence[float]) -> dict[str, float]:
-        starts = {variable.name: variable.start for variable in ports.FAULTS}
+        starts = {variable.name: fleet.actuator.value(variable.name) for variable in ports.FAULTS}
         return {name: value for name, value in zip(SLIDERS, values, strict=True) if value != starts[name]}
 
     shown = (
@@ -127,7 +136,7 @@ def app(fleet: Fleet) -> Dash:
             runs = fleet.fly(name, names, faults)
         except HarnessError as error:
             return no_update, [html.P(str(error), role="alert")], ""
-        return figure(runs), errors(runs), command(name, names, faults)
+        return figure(runs), errors(runs), command(name, names, faults, fleet.named)
 
     states = tuple(State(item.component_id, item.component_property) for item in shown)
 
@@ -144,13 +153,13 @@ def app(fleet: Fleet) -> Dash:
     return made
 
 
-def _layout() -> Any:
+def _layout(actuator: Actuator) -> Any:
     starts = {variable.name: variable for variable in ports.FAULTS}
     sliders = [
         html.Div(
             [
                 html.Label(name, htmlFor=f"fault-{name}", title=starts[name].description),
-                dcc.Slider(low, high, step, value=starts[name].start, id={"fault": name}, marks=None, updatemode="drag"),
+                dcc.Slider(low, high, step, value=actuator.value(name), id={"fault": name}, marks=None, updatemode="drag"),
             ]
         )
         for name, (low, high, step) in SLIDERS.items()
@@ -179,14 +188,22 @@ def _layout() -> Any:
     )
     style = {"font": "16px/1.5 system-ui, sans-serif", "maxWidth": "90rem", "margin": "auto", "padding": "1rem"}
     body = html.Div([controls, drawn], style={"display": "flex", "flexWrap": "wrap", "gap": "1.5rem"})
-    return html.Main([html.H1("EMA twins, live"), body], style=style)
+    return html.Main([html.H1("EMA twins, live"), html.P(_about(actuator)), body], style=style)
+
+
+def _about(actuator: Actuator) -> str:
+    about = f": {actuator.description}" if actuator.description else ""
+    return f"Actuator {actuator.name}{about}"
 
 
 class Server:
-    """The app on a host and port; a context manager. HarnessError if the port cannot be had; port 0 takes a free one."""
+    """The app on a host and port, flying `actuator`, which the command line calls `named`; a context manager.
 
-    def __init__(self, fmus: Path, *, host: str, port: int) -> None:
-        self.fleet = Fleet(fmus)
+    HarnessError if the port cannot be had; port 0 takes a free one.
+    """
+
+    def __init__(self, fmus: Path, *, host: str, port: int, actuator: Actuator = DEFAULT, named: str | None = None) -> None:
+        self.fleet = Fleet(fmus, actuator, named)
         try:
             self._socket = socket.create_server((host, port))
         except (OSError, OverflowError) as error:

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from ema_fmu_src import __version__
+from harness.actuators.actuator import Actuator
 
 STYLE = """
 :root{--text:#1b1f24;--soft:#5b6570;--line:#d9dee4;--back:#ffffff;--panel:#f6f8fa}
@@ -71,6 +72,12 @@ def table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     shown = f"<table><caption>{html.escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
     return f'<div class="scroll" tabindex="0">{shown}</div>'
+
+
+def flown_actuator(actuator: Actuator) -> str:
+    """Which actuator a page is about, as HTML: name, description, the beginning of its hash."""
+    about = f": {html.escape(actuator.description)}" if actuator.description else ""
+    return f"<p>Actuator <b>{html.escape(actuator.name)}</b>{about} (SHA-256 {actuator.sha256[:12]}...).</p>"
 
 
 def origin(command: str, note: str = "") -> str:

@@ -1,25 +1,35 @@
 """One self-contained HTML page: errors, wall times and the paper's Figures 5 to 7 from our own runs."""
 
 import html
+import math
 from collections.abc import Mapping
 
 import plotly.graph_objects as go
 
 from ema_fmu_src.fidelities import FIDELITIES
+from harness.actuators.actuator import DEFAULT, Actuator
 from harness.budgets import Budgets
-from harness.comparison import FIGURES, Comparison, percent
+from harness.comparison import FIGURES, Comparison, percent, titles
 from harness.flight.experiment import Experiment
 from harness.show.curves import COMMAND, Line, curve, intervals, lines_of, rows, shade, thinned
-from harness.show.page import LAYOUT, document, drawn, origin
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin
 
 INSTANTANEOUS = "equivalent_current"
 """Drawn in the row of the filtered current, hidden until its name in the legend is pressed."""
 
 
-def page(experiment: Experiment, *, parameters: Mapping[str, float], command: str, budgets: Budgets | None = None) -> str:
+def page(
+    experiment: Experiment,
+    *,
+    parameters: Mapping[str, float],
+    command: str,
+    budgets: Budgets | None = None,
+    actuator: Actuator = DEFAULT,
+) -> str:
     """The page as HTML text, with everything it needs inside it; errors are judged by `budgets` where there are any.
 
-    `parameters` are those that were set for all runs; `command` is the command line that makes the page again.
+    `parameters` are those that were set for all runs; `command` is the command line that makes the page again; `actuator` is
+    the one that was flown, in whose units outside `experiment` is.
     """
     trials = list(dict.fromkeys(trial for trial, _ in experiment.runs))
     lines = lines_of(fidelity for _, fidelity in experiment.runs)
@@ -32,7 +42,7 @@ def page(experiment: Experiment, *, parameters: Mapping[str, float], command: st
     cost = "Error of position against wall time per simulated second, by fidelity; the table has the figures."
     return document(
         f"EMA twins: {', '.join(trials)}",
-        f"<h1>EMA twins side by side</h1>{_verdict(experiment, budgets or {})}"
+        f"<h1>EMA twins side by side</h1>{_verdict(experiment, budgets or {})}{flown_actuator(actuator)}"
         f"<p>Every fidelity flown as an FMU and compared with {experiment.reference}. "
         "NRMSE is the rms difference over the range of the reference.</p>"
         f'<div class="scroll" tabindex="0">{_table(experiment, trials, budgets or {})}</div>'
@@ -47,7 +57,8 @@ def _hashes(experiment: Experiment) -> str:
 
 
 def _budget(budgets: Budgets, item: Comparison) -> float | None:
-    return budgets.get(item.trial, {}).get(item.candidate, {}).get(item.variable)
+    budget = budgets.get(item.trial, {}).get(item.candidate, {}).get(item.variable)
+    return None if budget is None or math.isinf(budget) else budget
 
 
 def _verdict(experiment: Experiment, budgets: Budgets) -> str:
@@ -125,9 +136,9 @@ def _spoken(trial: str, experiment: Experiment) -> str:
 
 def _figure(trial: str, experiment: Experiment, lines: Mapping[str, Line]) -> go.Figure:
     """Each quantity, with the residuals against the reference under it; the reference's saturated intervals shaded."""
-    figure = rows([title for _, title in FIGURES], residuals=0.28)
     flown = [(fidelity, run) for (name, fidelity), run in experiment.runs.items() if name == trial]
     reference = experiment.runs[trial, experiment.reference]
+    figure = rows(titles(reference), residuals=0.28)
     time = reference.time.values
     command = curve("command", COMMAND, thinned(time, reference["command"].values))
     figure.add_trace(command, row=1, col=1)

@@ -21,7 +21,10 @@ def junit(verdicts: Sequence[Verdict]) -> str:
 def markdown(verdicts: Sequence[Verdict]) -> str:
     """A summary for the page of a job; what is outside comes first."""
     failed = [verdict for verdict in verdicts if not verdict.passed]
+    judged = any(verdict.judged for verdict in verdicts)
     head = f"**{len(failed)} of {len(verdicts)} budgets exceeded**" if failed else f"**All {len(verdicts)} budgets kept**"
+    if not judged:
+        head = f"**{len(failed)} of {len(verdicts)} failed**; no budgets: they are the default actuator's"
     lines = [
         "## Fidelities against the reference",
         "",
@@ -34,6 +37,14 @@ def markdown(verdicts: Sequence[Verdict]) -> str:
         found = verdict.failure or ("-" if verdict.found is None else f"{100.0 * verdict.found:.4f} %")
         left = "" if verdict.left is None else f"{verdict.left:.4f} s"
         mark = "ok" if verdict.passed else "**outside**"
-        cells = (mark, verdict.trial, verdict.fidelity, verdict.variable, found, f"{100.0 * verdict.budget:.4f} %", left)
+        cells = (
+            mark,
+            verdict.trial,
+            verdict.fidelity,
+            verdict.variable,
+            found,
+            f"{100.0 * verdict.budget:.4f} %" if verdict.judged else "-",
+            left,
+        )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

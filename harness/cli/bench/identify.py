@@ -7,11 +7,12 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir
+from harness.cli.options import ActuatorOption, FmuDir, chosen_actuator
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.actuators.actuator import Actuator
     from harness.bench.evolution import Evolved
     from harness.bench.identify import IdentifiedCase
     from harness.bench.page import Table
@@ -26,9 +27,13 @@ def identify(
     workers: Annotated[int, typer.Option(metavar="N", help="Processes of one thread; 0: one a core.")] = 0,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write every case as JSON.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench_identify.html.")] = None,
+    actuator: ActuatorOption = None,
     fmus: FmuDir = None,
 ) -> None:
-    """Put `ema identify` to the test: HF as the plant with known faults and noise, ELF+ and LF as models."""
+    """Put `ema identify` to the test: HF as the plant with known faults and noise, ELF+ and LF as models.
+
+    With another actuator (--actuator), the limits that this project sets itself are the default one's and are left out.
+    """
     import shlex
     import sys
 
@@ -36,7 +41,7 @@ def identify(
     from harness.bench import summary
     from harness.fidelity import FIDELITIES
     from harness.files import results
-    from harness.show.page import document, origin
+    from harness.show.page import document, flown_actuator, origin
     from harness.show.page import table as as_html
 
     if cases < 1 or healthy < 0 or not 0 <= evolution <= cases:
@@ -48,7 +53,9 @@ def identify(
     for path in (out / "bench_identify.html" if out else None, json_file):
         if path:
             results.prepare_file(path)
-    folder = fmu_folder(FIDELITIES.values(), fmus)
+    chosen = chosen_actuator(actuator)
+    _refuse_extremes(chosen)
+    folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
     with progress() as shown:
         task = shown.add_task("identifying", total=cases + healthy + evolution)
         found, others = bench.run(
@@ -59,20 +66,33 @@ def identify(
             seed=seed,
             rate=rate,
             workers=workers,
+            parameters=chosen.parameters,
             on_case=lambda: shown.advance(task),
         )
-    listed = summary.checks(found, others)
+    listed = summary.checks(found, others) if chosen.is_default else []
     tables = [*(_fault_table(found, name) for name in bench.TESTED), _case_table(found), _evolution_table(others)]
     tables = [table for table in (*tables, check_table(listed)) if table[2]]
     for table in tables:
         show(table)
     if json_file:
-        results.write_json(json_file, summary.as_dict(found, others, listed))
+        results.write_json(json_file, {"actuator": chosen.identity, **summary.as_dict(found, others, listed)})
     if out:
-        body = "<h1>Identification, measured</h1>" + "".join(as_html(*table) for table in tables)
+        body = "<h1>Identification, measured</h1>" + flown_actuator(chosen) + "".join(as_html(*table) for table in tables)
         command = shlex.join(["ema", *sys.argv[1:]])
         results.write(out / "bench_identify.html", document("EMA twins: identification, measured", body + origin(command)))
         typer.echo(f"page: {out / 'bench_identify.html'}")
+
+
+def _refuse_extremes(actuator: "Actuator") -> None:
+    """HarnessError if faults that the bench draws cannot be those of `actuator`."""
+    from harness.faults import FAULTS
+
+    largest, pairs = FAULTS["zeta"].studied[1], actuator.value("motor.p")
+    if pairs * largest >= 1.0:
+        raise HarnessError(
+            f"--actuator {actuator.name}: the bench draws eccentricities up to {largest:g}, too many for its "
+            f"{pairs:g} pole pairs: motor.p * fault.zeta has to stay below 1"
+        )
 
 
 def _fault_table(found: "list[IdentifiedCase]", fidelity: str) -> "Table":

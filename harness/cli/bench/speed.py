@@ -7,7 +7,7 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import FmuDir, JsonFile
+from harness.cli.options import ActuatorOption, FmuDir, JsonFile, chosen_actuator
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
@@ -29,9 +29,13 @@ def speed(
     peers: Annotated[bool, typer.Option("--peers/--no-peers", help="Also those of the extra [bench].")] = True,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench.html.")] = None,
     json_file: JsonFile = None,
+    actuator: ActuatorOption = None,
     fmus: FmuDir = None,
 ) -> None:
-    """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run."""
+    """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run.
+
+    Another actuator (--actuator) is timed and its errors are told; peers, overhead and limits are the default one's.
+    """
     import shlex
     import sys
 
@@ -49,13 +53,16 @@ def speed(
     for path in (out / "bench.html" if out else None, json_file):
         if path:
             results.prepare_file(path)
-    folder = fmu_folder(FIDELITIES.values(), fmus)
+    chosen = chosen_actuator(actuator)
+    folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
     measured = _with_progress(
-        lambda on_run: timing.measure(folder, names, repeats=repeats, on_run=on_run), timing.count_runs(names, repeats)
+        lambda on_run: timing.measure(folder, names, repeats=repeats, actuator=chosen, on_run=on_run),
+        timing.count_runs(names, repeats, chosen),
     )
-    added = [overhead.measure(folder, name) for name in OVERHEAD_OF]
-    peer_times = measure_peers() if peers else []
-    found = [*timing.checks(measured), *map(_overhead_check, added)]
+    own = chosen.is_default
+    added = [overhead.measure(folder, name) for name in OVERHEAD_OF if own]
+    peer_times = measure_peers() if peers and own else []
+    found = [*timing.checks(measured), *map(_overhead_check, added)] if own else []
     tables = [
         _speed_table(measured),
         _changed_table(measured),
@@ -63,13 +70,15 @@ def speed(
         _peer_table(peer_times),
         check_table(found),
     ]
+    tables = [table for table in tables if table[2]]
     for table in tables:
         show(table)
     if out:
-        results.write(out / "bench.html", page(tables, measured, shlex.join(["ema", *sys.argv[1:]])))
+        results.write(out / "bench.html", page(tables, measured, shlex.join(["ema", *sys.argv[1:]]), chosen))
         typer.echo(f"page: {out / 'bench.html'}")
     if json_file:
         content = {
+            "actuator": chosen.identity,
             "rows": [vars(row) for row in measured.rows],
             "changed": [dict(zip(("change", "trial", "mode"), key, strict=True)) | e for key, e in measured.changed.items()],
             "overhead": [item.as_dict() for item in added],

@@ -1,12 +1,17 @@
 """ASAM MDF 3 and 4, by asammdf: each group of channels has times of its own."""
 
 import logging
+import struct
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from harness.errors import HarnessError
 from harness.files.containers.arrays import Array, table_of
 from harness.files.table import Table
+
+HEADER = 64
+"""Where the first block of MDF 4 is."""
 
 
 def read(path: Path, data: bytes) -> Table:
@@ -14,6 +19,7 @@ def read(path: Path, data: bytes) -> Table:
     from asammdf import MDF
 
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    _require_whole(path, data)
     arrays: list[Array] = []
     with MDF(BytesIO(data)) as file:
         groups: list[Any] = list(file.groups)
@@ -43,3 +49,21 @@ def read(path: Path, data: bytes) -> Table:
                         )
                     )
     return table_of(path, arrays)
+
+
+def _require_whole(path: Path, data: bytes) -> None:
+    """HarnessError if a block of a finished MDF 4 file goes on behind its end, or is none (asammdf is loud about it)."""
+    if not data.startswith(b"MDF ") or int.from_bytes(data[28:30], "little") < 400:
+        return
+    waiting, seen = [HEADER], {0}
+    while waiting:
+        at = waiting.pop()
+        if at in seen:
+            continue
+        seen.add(at)
+        kind, head = data[at : at + 4], data[at + 8 : at + 24]
+        length, links = struct.unpack("<QQ", head) if len(head) == 16 else (0, 0)
+        if not kind.startswith(b"##") or at + length > len(data) or 24 + 8 * links > length:
+            place = f"at byte {min(at, len(data))} of {len(data)}"
+            raise HarnessError(f"{path}: begins as an MDF file, but is cut off or damaged ({place})")
+        waiting += struct.unpack(f"<{links}Q", data[at + 24 : at + 24 + 8 * links])

@@ -1,0 +1,57 @@
+"""What follows from an actuator's parameters: speeds, torques and time constants, each with its formula."""
+
+import math
+from dataclasses import dataclass
+
+from harness.actuators.actuator import Actuator
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A quantity: its `value` in `unit`, and the `formula` in the ports' symbols."""
+
+    name: str
+    value: float
+    unit: str
+    formula: str
+
+
+def derived(actuator: Actuator) -> list[Derived]:
+    """The quantities that describe the actuator as a whole, healthy, at its supply voltage; R is with the switches'.
+
+    Voltages are amplitudes of a phase: V/sqrt(3) is the largest that is sinusoidal, 2*V/pi the fundamental of six steps.
+    """
+    K_e, R = actuator.value("motor.K_e"), actuator.value("motor.R") + actuator.value("inverter.R_on")
+    C, T_c = actuator.value("mechanics.C"), actuator.value("mechanics.T_coulomb")
+    V, G = actuator.value("supply_voltage"), actuator.value("gear.ratio")
+    K_t = 1.5 * K_e
+    w_0 = max(0.0, (2.0 * V / math.pi - R * T_c / K_t) / (K_e + R * C / K_t))
+    T_v = K_t * V / (math.sqrt(3.0) * R)
+    T_i = min(T_v, K_t * actuator.value("controller.current_limit"))
+    found = [
+        Derived("torque constant", K_t, "N.m/A", "K_t = 1.5*K_e"),
+        Derived("saturation speed", V / (math.sqrt(3.0) * K_e), "rad/s", "V/(sqrt(3)*K_e): the back-EMF alone takes all"),
+        Derived("no-load speed", w_0, "rad/s", "w_0 = (2*V/pi - R*T_coulomb/K_t)/(K_e + R*C/K_t), six steps"),
+        Derived("stall torque", T_v, "N.m", "K_t*V/(sqrt(3)*R), whatever the current"),
+        Derived("stall torque at the current limit", T_i, "N.m", "K_t*current_limit, at most the stall torque"),
+        Derived("electrical time constant", actuator.value("motor.L") / R, "s", "L/R"),
+        Derived("mechanical time constant", actuator.value("mechanics.J") * R / (K_t * K_e), "s", "J*R/(K_t*K_e)"),
+    ]
+    return [*found, *_at_the_output(actuator, w_0 / G, G * actuator.value("gear.eta_opposing") * max(0.0, T_i - T_c))]
+
+
+def _at_the_output(actuator: Actuator, speed: float, torque: float) -> list[Derived]:
+    """Speed [rad/s] and torque [N.m] of the user shaft, as those of the rod where there is one."""
+    output = actuator.output
+    load = "G*eta_opposing*(stall torque at the current limit - T_coulomb)"
+    travel, force = output.scale("position"), output.scale("load_torque")
+    if output.lead is None:
+        return [
+            Derived("no-load speed at the output", speed, "rad/s", "w_0/G"),
+            Derived("stall torque at the output", torque, "N.m", load),
+        ]
+    return [
+        Derived("no-load speed at the output", speed * travel, "m/s", "w_0/G*lead/(2*pi)"),
+        Derived("stall force at the output", torque * force, "N", f"{load}*2*pi/lead"),
+        Derived("motor angle a travel", actuator.value("gear.ratio") / travel, "rad/m", "G*2*pi/lead"),
+    ]

@@ -1,0 +1,84 @@
+"""An actuator resolved: every parameter with its origin, and what follows, as tables and for JSON."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ema_fmu_src import ports
+from harness.actuators.actuator import Actuator
+from harness.actuators.derived import derived
+
+PARAMETER_HEADS = ("Parameter", "Value", "Unit", "+-", "Origin")
+DERIVED_HEADS = ("Quantity", "Value", "Unit", "Formula")
+FLIGHT_HEADS = ("Fidelity", "Flies")
+
+
+def resolved(actuator: Actuator) -> list[ports.Variable]:
+    """What an actuator has a value for: supply_voltage, load_torque if it is stated, and every parameter."""
+    inputs = [port for port in ports.INPUTS if port.name == "supply_voltage" or port.name in actuator.parameters]
+    return [*inputs, *ports.PARAMETERS]
+
+
+def parameter_rows(actuator: Actuator) -> list[tuple[str, ...]]:
+    """A row of texts for each of `resolved`, under PARAMETER_HEADS; a linear actuator's lengths also in m."""
+    rows: list[tuple[str, ...]] = []
+    for port in resolved(actuator):
+        value, width = actuator.value(port.name), actuator.tolerances.get(port.name)
+        unit, outside = port.unit, actuator.output.unit(port.name)
+        if outside != unit:
+            unit = f"{unit} ({value * actuator.output.scale(port.name):.6g} {outside})"
+        shown = port.text(value) if port.items or port.kind == "Boolean" else f"{value:.6g}"
+        if port.name not in actuator.parameters:
+            shown += "".join(f", {model} {start:g}" for model, start in port.start_of.items())
+        rows.append((port.name, shown, unit, "" if width is None else f"{width:.3g}", _origin(actuator, port.name)))
+    return rows
+
+
+def _origin(actuator: Actuator, port: str) -> str:
+    return actuator.origins.get(port, "default")
+
+
+def derived_rows(actuator: Actuator) -> list[tuple[str, ...]]:
+    """A row of texts for each derived quantity, under DERIVED_HEADS."""
+    return [(item.name, f"{item.value:.5g}", item.unit, item.formula) for item in derived(actuator)]
+
+
+def flight_rows(refusals: Mapping[str, str]) -> list[tuple[str, ...]]:
+    """A row of texts for each fidelity, under FLIGHT_HEADS."""
+    return [(name, reason or "yes") for name, reason in refusals.items()]
+
+
+def as_dict(actuator: Actuator, refusals: Mapping[str, str] | None) -> dict[str, object]:
+    """For JSON; `refusals` as from `harness.flight.tryout`, None if the FMUs were not tried."""
+    return {
+        **actuator.identity,
+        "description": actuator.description,
+        "output": {"lead": actuator.output.lead},
+        "parameters": {
+            port.name: {
+                "value": actuator.value(port.name),
+                "unit": port.unit,
+                "tolerance": actuator.tolerances.get(port.name),
+                "origin": _origin(actuator, port.name),
+            }
+            for port in resolved(actuator)
+        },
+        "derived": {
+            item.name: {"value": item.value, "unit": item.unit, "formula": item.formula} for item in derived(actuator)
+        },
+        "flies": None if refusals is None else {name: not reason for name, reason in refusals.items()},
+        "refusals": None if refusals is None else {name: reason for name, reason in refusals.items() if reason},
+        "warnings": list(actuator.warnings),
+        "log": dict(actuator.log),
+        "limits": dict(actuator.limits),
+        "calibration": plain(actuator.calibration),
+        "provenance": plain(actuator.provenance),
+    }
+
+
+def plain(value: Any) -> Any:
+    """A value out of TOML as JSON has it: dates as texts."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [plain(item) for item in value]
+    return value if isinstance(value, str | int | float | bool) else str(value)
