@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import differential_evolution, least_squares
-from scipy.stats import qmc
+from scipy.stats import chi2, qmc
 
+from harness.faults import KINDS
 from harness.identification import coordinates
 from harness.identification.measured import Measured
 from harness.identification.model import Model
@@ -40,8 +41,8 @@ HF's plant leaves to ELF+ with any of the faults in an unsaturated run, and less
 an ampere leaves (ours)."""
 SCREEN_POINTS, MOST_STARTS = 64, 4
 """Sobol points of the global screen, and the most of its points from which a search starts."""
-ALIKE = 1.01
-"""Ratio of two sums of squares up to which two searches have ended alike."""
+ALIKE = float(chi2.ppf(0.99, len(coordinates.COORDINATES)))
+"""Difference of two minima, in variances of the noise, up to which noise does not tell them apart."""
 STALLED = 5.0
 """Multiple of TOLERANCE up to which what is left after the searches is taken for a sign that they have stalled."""
 POPULATION, GENERATIONS = 24, 30
@@ -157,24 +158,40 @@ def explain(problem: Problem) -> tuple[Any, Array]:
     shape (n_coordinates + n_shifts,)."""
     found, sigma = [problem.search(problem.aligned(problem.origin))], np.zeros(len(problem.origin))
     best = found[0]
-    if problem.measured.is_slow or problem.unexplained(best.x) > TOLERANCE:
+    if problem.measured.is_slow:
+        best, sigma = _all_minima(problem, found)
+    elif problem.unexplained(best.x) > TOLERANCE:
         for start in _screen(problem, best.x):
             found.append(problem.search(start))
             best = min(found, key=lambda result: float(result.cost))
-            if problem.unexplained(best.x) <= TOLERANCE and _confirmed(problem, found):
+            if problem.unexplained(best.x) <= TOLERANCE:
                 break
-        if TOLERANCE < problem.unexplained(best.x) <= STALLED * TOLERANCE:
-            start, sigma = _evolve(problem, [result.x for result in found])
-            best = min(best, problem.search(start), key=lambda result: float(result.cost))
+    if TOLERANCE < problem.unexplained(best.x) <= STALLED * TOLERANCE:
+        start, sigma = _evolve(problem, [result.x for result in found])
+        best = min(best, problem.search(start), key=lambda result: float(result.cost))
     problem.reweigh(best.x)
     return problem.search(best.x), sigma
 
 
-def _confirmed(problem: Problem, found: list[Any]) -> bool:
-    """Whether the best search can be trusted: noise on a few rows hides what a false minimum leaves, so in a slow log two
-    searches must have ended alike."""
-    best = min(float(result.cost) for result in found)
-    return not problem.measured.is_slow or sum(float(result.cost) < ALIKE * best for result in found) > 1
+def _all_minima(problem: Problem, found: list[Any]) -> tuple[Any, Array]:
+    """The best search in a slow log, and how far from it, as a standard deviation, those end that noise does not tell apart.
+
+    Few rows, sampled more slowly than the windings turn, can be explained by one phase nearly as well as by another, and
+    noise hides what a false minimum leaves: so every start of the screen is taken, and each fault of a group is tried on the
+    other members of the group. `found`, the searches so far, grows by these.
+    """
+    found += [problem.search(start) for start in _screen(problem, found[0].x)]
+    best = min(found, key=lambda result: float(result.cost))
+    for members in KINDS.values():
+        places = [place for fault in members for place in coordinates.PLACES[fault.name]]
+        for turn in range(1, len(members)):
+            beside = best.x.copy()
+            beside[places] = np.roll(best.x[places], turn)
+            found.append(problem.search(beside))
+    best = min(found, key=lambda result: float(result.cost))
+    per_residual = 2.0 * best.cost / best.fun.size
+    alike = [result for result in found if 2.0 * (result.cost - best.cost) < ALIKE * per_residual]
+    return best, 0.5 * np.max([np.abs(result.x - best.x) for result in alike], axis=0)
 
 
 def map_space(problem: Problem, target: Model, start: Array) -> tuple[Any, Array]:
