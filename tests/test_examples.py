@@ -40,7 +40,7 @@ def clone(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Pa
         tool.chmod(0o755)
     shutil.copytree(fmus["HF"].parent, folder / "fmus")
     spring.build(folder).replace(folder / "load.fmu")
-    (plan,) = (block.text for block in BLOCKS if block.language == "toml")
+    (plan,) = (block.text for block in BLOCKS if block.language == "toml" and block.page.parent.name == "campaigns")
     (folder / "plan.toml").write_text(plan)
     return folder
 
@@ -113,6 +113,13 @@ def test_a_campaign_is_flown_here_and_on_a_cluster(clone: Path) -> None:
 def test_a_switch_prints_what_jumps(clone: Path) -> None:
     printed = run(marked("run: a switch"), clone)
     assert "HF to ELF+ at 0.6 s jumps by" in printed and "ELF+ to HF at 1.4 s jumps by" in printed
+
+
+def test_an_actuator_of_ones_own_is_shown_and_flown(clone: Path) -> None:
+    (text,) = (block.text for block in BLOCKS if block.language == "toml" and block.page.parent.name == "actuators")
+    (clone / "mine.toml").write_text(text)
+    assert "my EMA" in run(marked("run: an actuator of your own"), clone)
+    assert "position [m]" in (clone / "results" / "SIN_HF.csv").read_text().partition("\n")[0]
 
 
 def test_every_marked_block_is_run() -> None:

@@ -68,6 +68,12 @@ def test_the_wheel_carries_what_a_build_needs_and_its_license(installed: Path) -
     assert "License-Expression: MIT\n" in (about / "METADATA").read_text()
 
 
+def test_the_wheel_carries_the_library_of_actuators(installed: Path, tmp_path: Path) -> None:
+    done = _ema(installed, tmp_path, "actuator", "list")
+    assert done.returncode == 0, done.stderr
+    assert "maxon-linear-a" in done.stdout and "siemens-1ft6084" in done.stdout
+
+
 def test_the_wheel_exports_what_it_carries(installed: Path, fmus: dict[str, Path], tmp_path: Path) -> None:
     done = _ema(installed, tmp_path, "export", "there")
     assert done.returncode == 0, done.stderr

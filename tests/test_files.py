@@ -141,6 +141,14 @@ def test_only_consistent_readings_are_taken(tmp_path: Path) -> None:
     assert _read(tmp_path, "a b\n0,5 1\n0,6 2\n")["a"].tolist() == [0.5, 0.6]
 
 
+def test_a_sign_that_changes_late_is_refused_where_it_is_used(tmp_path: Path) -> None:
+    text = "time;command;position\n" + "".join(f"{k},5;0,5;{k}\n" for k in range(2500))
+    for late, told in (("2500,5;0.5;1", "'0.5' is not a number"), ("2500,5;1,234,567;1", "'1,234,567' is not a number")):
+        (tmp_path / "own.csv").write_text(text + late + "\n")
+        with pytest.raises(HarnessError, match=f"line 2502, column command: {told}"):
+            read_one(tmp_path / "own.csv")
+
+
 def test_rows_above_the_header_are_left_out_but_no_row_of_numbers(tmp_path: Path) -> None:
     path = tmp_path / "own.csv"
     path.write_text("Device;7\nRate;500\ntime;x\n0;1\n1;2\n")

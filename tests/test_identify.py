@@ -235,9 +235,13 @@ def test_noise_and_jumps_are_measured():
     [
         (lambda t: {k: v for k, v in t.items() if k != "position"}, "no position"),
         (lambda t: {k: v[::100] for k, v in t.items()}, "at least 25 are needed"),
-        (lambda t: t | {"time": 1e3 * t["time"]}, "at least 25 are needed"),
+        (lambda t: t | {"time": 1e3 * t["time"]}, "at least 25 are needed .times in another unit"),
         (lambda t: {k: v[:100] for k, v in t.items()}, "0.2 s to 100 s"),
         (lambda t: t | {"position": 0.0 * t["position"]}, "nothing was measured"),
+        (
+            lambda t: t | {"motor_speed": np.where(t["time"] == t["time"][7], np.inf, t["motor_speed"])},
+            "line 9, column motor_speed: inf",
+        ),
     ],
 )
 def test_bad_files_get_one_line(spoil, message, fmus, tmp_path):

@@ -31,7 +31,9 @@ def derived(actuator: Actuator) -> list[Derived]:
     found = [
         Derived("torque constant", K_t, "N.m/A", "K_t = 1.5*K_e"),
         Derived("saturation speed", V / (math.sqrt(3.0) * K_e), "rad/s", "V/(sqrt(3)*K_e): the back-EMF alone takes all"),
-        Derived("no-load speed", w_0, "rad/s", "w_0 = (2*V/pi - R*T_coulomb/K_t)/(K_e + R*C/K_t), six steps"),
+        Derived(
+            "no-load speed", w_0, "rad/s", "w_0 = (2*V/pi - R*T_coulomb/K_t)/(K_e + R*C/K_t), as LF; HF: up to 8 % more"
+        ),
         Derived("stall torque", T_v, "N.m", "K_t*V/(sqrt(3)*R), whatever the current"),
         Derived("stall torque at the current limit", T_i, "N.m", "K_t*current_limit, at most the stall torque"),
         Derived("electrical time constant", actuator.value("motor.L") / R, "s", "L/R"),

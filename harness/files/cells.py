@@ -65,16 +65,16 @@ def column_of(
             return _moments(name, number, time, moments)
     codes, labels = pd.factorize(texts.where(known), use_na_sentinel=True)
     places = np.where(codes < 0, np.nan, codes.astype(float))
-    return Column(name, unit, places, number, time, tuple(map(str, labels))), ""
+    odd = int(np.flatnonzero(known.to_numpy())[int(np.argmax(numbers.isna().to_numpy()))])
+    return Column(name, unit, places, number, time, tuple(map(str, labels)), odd), ""
 
 
 def _plain(texts: "pd.Series[str]", dialect: Dialect | None) -> "pd.Series[str]":
     """Numbers with decimal points and nothing between thousands."""
     if dialect is None or dialect.decimal == ".":
         return texts
-    if dialect.thousands:
-        texts = texts.str.replace(dialect.thousands, "")
-    return texts.str.replace(dialect.decimal, ".")
+    texts = texts.str.replace(dialect.thousands or ".", "" if dialect.thousands else "?", regex=False)
+    return texts.str.replace(dialect.decimal, ".", regex=False)
 
 
 def _moments(name: str, number: int, time: str, moments: Any) -> tuple[Column, str]:

@@ -3,7 +3,8 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,6 +17,8 @@ MISSING = {
     *("-", "--", "---", "?", "1.#qnan", "-1.#ind", "#value!", "#div/0!", "#ref!"),
 }
 """Cells, in lower case, that hold no value."""
+FIRST = 2000
+"""Rows that settle how decimals are written, if they are of one mind."""
 SAMPLE = 200
 """Rows from which the separator is told; the numbers of all rows are parsed by it, and refused where they do not fit."""
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+|\d{1,3}(?:([.,'])\d{3})(?:\1\d{3})*(?:[.,]\d+)?)(?:[eE][+-]?\d+)?")
@@ -85,9 +88,16 @@ def sniff(where: str, lines: Sequence[str]) -> Dialect:
         return Dialect(separator)
     if separator == ",":
         return _by_commas(where, lines, width)
-    return _decimals(
-        where, separator, (cell for line in lines for cell in split(line, separator) if "," in cell or "." in cell)
-    )
+    with suppress(HarnessError):
+        first = _decimals(where, separator, _with_signs(lines[:FIRST], separator))
+        if first.decimal == "," and not first.thousands:
+            return first  # a later cell of another kind is no number, and is refused where it is used
+    return _decimals(where, separator, _with_signs(lines, separator))
+
+
+def _with_signs(lines: Sequence[str], separator: str) -> Iterator[str]:
+    """The cells that hold a point or a comma."""
+    return (cell for line in lines for cell in split(line, separator) if "," in cell or "." in cell)
 
 
 def _fitness(sample: Sequence[str], separator: str) -> tuple[float, bool, int]:

@@ -13,8 +13,9 @@ class Column:
 
     `values`, shape (n_rows,): not a number where a cell is empty. `number`: 1 for the first column.
     `time`: name of its own time axis, where the file holds several rates (MDF4, TDMS); "" if the table has one.
-    `labels`: the texts of a column whose cells are not all numbers; its values are places in them. `epoch`: of a column of
-    dates or times of day, whose values are seconds since the first row: seconds from 1970 (or midnight) to that row.
+    `labels`: the texts of a column whose cells are not all numbers; its values are places in them, and `odd` is the first
+    row that is no number. `epoch`: of a column of dates or times of day, whose values are seconds since the first row:
+    seconds from 1970 (or midnight) to that row.
     """
 
     name: str
@@ -23,6 +24,7 @@ class Column:
     number: int
     time: str = ""
     labels: tuple[str, ...] = ()
+    odd: int = 0
     epoch: float | None = None
 
     @property

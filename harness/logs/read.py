@@ -39,9 +39,10 @@ def read_log(
     """The runs of a log, in the order in which they begin in the file.
 
     `columns`: port -> `COLUMN [unit] words`, as in an actuator's `[log]`; other columns are taken where they bear a port's
-    own name. A file of `ema run` is read by its own names alone. `output`: what moves at the user's side; without a unit, positions are in its unit. `parameters`: of this
-    actuator, by port name. `with_files`: further files, joined by time. HarnessError, with line and column, for anything
-    that cannot be used; where columns are missing, with what was found and the options that would accept a guess.
+    own name. A file of `ema run` is read by its own names alone. `output`: what moves at the user's side; without a unit,
+    positions are in its unit. `parameters`: of this actuator, by port name. `with_files`: further files, joined by time.
+    HarnessError, with line and column, for anything that cannot be used; where columns are missing, with what was found and
+    the options that would accept a guess.
     """
     shown = output or Output()
     specs = parse_specs(columns or {})

@@ -1,0 +1,519 @@
+"""Actuator files: what is read, what is refused, what follows, and that the library flies.
+
+Truths: conversions and data-sheet formulas by hand; the definition of lead (a turn of the user shaft); for the no-load speed
+the twins themselves.
+"""
+
+import json
+import math
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from ema_fmu_src import ports
+from ema_fmu_src.fidelities import FIDELITIES
+from ema_fmu_src.fmu import ssp
+from harness.actuators.actuator import DEFAULT, Actuator, Output
+from harness.actuators.derived import derived
+from harness.actuators.fmus import variant
+from harness.actuators.read import library, read_actuator
+from harness.actuators.values import stated
+from harness.budgets import Verdict
+from harness.cli import main
+from harness.comparison import compare
+from harness.errors import HarnessError
+from harness.flight.tryout import refusals
+from harness.flight.twin import Twin
+from harness.parameters import merged
+from harness.trials import STEP, Trial, grid
+
+RPM = 2.0 * math.pi / 60.0
+TRAVEL = 0.005 / (2.0 * math.pi)
+"""Metres a radian of the user shaft, at a lead of 5 mm."""
+WORKED = """
+name = "mine"
+description = "a worked example"
+[parameters]
+"mechanics.J" = "600 g.cm2 +- 5 %"
+mechanics.end_stop = "60 mm +- 0.02 mm"
+gear.backlash = "0,01 mm"
+fault.open_switch = "a_upper"
+driver.coupled_saturation = true
+[sheet]
+terminal_resistance = "0.16 ohm +- 10 %"
+terminal_inductance = "257 uH"
+torque_constant = "70.6 mN.m/A"
+speed_constant = "135 rpm/V"
+no_load_current = "507 mA"
+no_load_speed = "6480 rpm"
+nominal_voltage = "48 V"
+pole_pairs = 8
+[output]
+lead = "5 mm"
+[log]
+time = "1 [ms]"
+run = "stroke"
+[limits]
+friction = 2.5
+[provenance]
+by = "me"
+date = 2026-01-31
+[provenance.sources]
+terminal_resistance = "page 3"
+"""
+
+
+def written(folder: Path, text: str, name: str = "mine.toml") -> Path:
+    (folder / name).write_text(text)
+    return folder / name
+
+
+@pytest.fixture
+def worked(tmp_path: Path) -> Path:
+    return written(tmp_path, WORKED)
+
+
+def ema(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    """The exit code of a command."""
+    monkeypatch.setattr(sys, "argv", ["ema", *map(str, words)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+# --- reading ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_read_as_it_is_meant(worked: Path) -> None:
+    found = read_actuator(str(worked))
+    K_t, I_0, w_0 = 0.0706, 0.507, 6480 * RPM
+    expected = {
+        "mechanics.J": 600e-7,
+        "mechanics.end_stop": 0.06 / TRAVEL,
+        "gear.backlash": 1e-5 / TRAVEL,
+        "fault.open_switch": 1.0,
+        "driver.coupled_saturation": 1.0,
+        "motor.R": 0.08,
+        "motor.L": 128.5e-6,
+        "motor.K_e": K_t / 1.5,
+        "motor.p": 8.0,
+        "supply_voltage": 48.0,
+        "mechanics.T_coulomb": K_t * I_0 / 2.0,
+        "mechanics.T_static": K_t * I_0 / 2.0,
+        "mechanics.C": K_t * I_0 / 2.0 / w_0,
+    }
+    assert found.parameters == pytest.approx(expected, rel=1e-12)
+    tolerances = {"mechanics.J": 30e-7, "mechanics.end_stop": 2e-5 / TRAVEL, "motor.R": 0.008}
+    assert found.tolerances == pytest.approx(tolerances, rel=1e-12)
+    assert found.origins["motor.R"] == "R_tt/2 = 0.16/2 = 0.08 Ohm; page 3"
+    assert found.origins["mechanics.J"] == "stated"
+    assert (found.name, found.output.lead, found.limits) == ("mine", 0.005, {"friction": 2.5})
+    assert found.log == {"time": "1 [ms]", "run": "stroke"}
+    assert found.warnings == ()  # 1/(135 rpm/V) is K_t within 0.2 %
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "value", "width"),
+    [
+        (3, "Ohm", 3.0, None),
+        ("3", "Ohm", 3.0, None),
+        ("135 rpm", "rad/s", 135 * RPM, None),
+        ("7.4 mV/rpm", "V.s/rad", 7.4e-3 / RPM, None),
+        ("4e-4 mN.m/rpm", "N.m.s/rad", 4e-7 / RPM, None),
+        ("600 g.cm2 ± 30 g.cm2", "kg.m2", 6e-5, 3e-6),
+        ("600 +- 30 g.cm2", "kg.m2", 6e-5, 3e-6),
+        ("600 g.cm2 +/- 30", "kg.m2", 6e-5, 3e-6),
+        ("-2 A +- 5%", "A", -2.0, 0.1),
+        ("20 degC +- 2 degC", "K", 293.15, 2.0),
+    ],
+)
+def test_values_with_units_and_tolerances(given: object, unit: str, value: float, width: float | None) -> None:
+    found = stated(given, unit, "here")
+    assert found.value == pytest.approx(value, rel=1e-12)
+    assert found.tolerance == (None if width is None else pytest.approx(width, rel=1e-12))
+
+
+BAD = {
+    "[parameter]\nx = 1": r"unknown key in .*: 'parameter': did you mean parameters",
+    '[parameters]\n"motor.r" = 1': r"unknown parameter 'motor.r': did you mean motor.R",
+    "[parameters]\nposition = 1": r"\[parameters\] position: position is not a parameter",
+    '[parameters]\n"motor.R" = "1 mm"': r"\[parameters\] motor.R: \[mm\] does not measure what \[Ohm\] does",
+    '[parameters]\n"motor.R" = "one"': r"motor.R: 'one' is not a number with a unit, such as '1 Ohm'",
+    '[parameters]\n"motor.R" = true': r"motor.R: True is not a number",
+    '[parameters]\n"motor.R" = nan': r"motor.R: nan is not a finite number",
+    '[parameters]\n"motor.R" = -1': r"motor.R = -1 is out of range, 0.001 to 1000 Ohm",
+    '[parameters]\n"motor.R" = "1 ohm +- 2 mm"': r"motor.R: \[mm\] does not measure",
+    '[parameters]\n"motor.R" = "1 ohm +- -2 %"': r"a tolerance of 0 or more is needed",
+    '[parameters]\n"motor.R" = "1 +- 2 +- 3"': r"more than one tolerance",
+    '[parameters]\n"motor.p" = 1.5': r"motor.p is a whole number, 1.5 is not",
+    '[parameters]\n"fault.open_switch" = "upper"': r"'upper' is not a number or none or a_upper",
+    '[parameters]\n"driver.coupled_saturation" = 1': r"1 is not true or false",
+    '[parameters]\n"motor.p" = 8\n"fault.zeta" = 0.2': r"motor.p \* fault.zeta = 1.6 is out of range",
+    '[parameters]\n"mechanics.end_stop" = "60 mm"': r"\[mm\] does not measure what \[rad\] does",
+    '[parameters]\n"controller.speed_limit" = "50 Hz"': r"\[Hz\] counts periods",
+    '[parameters]\n"controller.speed_limit" = "3000 1/min"': r"write rpm for 1/min",
+    "[sheet]\ntorque = 1": r"unknown key in .*\[sheet\]: 'torque': did you mean torque_constant",
+    "[sheet]\nterminal_resistance = 0": r"terminal_resistance: more than 0 is needed",
+    "[sheet]\nno_load_current = 1": r"no_load_current: torque_constant, speed_constant or motor.K_e is needed",
+    '[sheet]\nno_load_speed = "1 rpm"': r"no_load_speed: no_load_current is needed beside it",
+    "[sheet]\npole_pairs = 99": r"\[sheet\], motor.p: motor.p = 99 is out of range, 1 to 50",
+    "[output]\nlaed = 1": r"unknown key in .*\[output\]: 'laed': did you mean lead",
+    '[output]\nlead = "5 V"': r"\[output\] lead: \[V\] does not measure what \[m\] does",
+    "[output]\nlead = 0": r"\[output\] lead: 0 m a turn is out of range",
+    '[output]\nlead = "5 mm +- 1 %"': r"\[output\] lead: a length without a tolerance",
+    '[log]\nvelocity = "3"': r"unknown key in .*\[log\]: 'velocity'",
+    "[log]\ntime = true": r"\[log\] time: a text 'COLUMN \[unit\]' is needed",
+    "[limits]\nfrixion = 2": r"unknown fault 'frixion': did you mean friction",
+    "[limits]\nfriction = 1": r"\[limits\] friction: a number other than 1, which is healthy",
+    "[calibration]\nvalue = 1": r"unknown key in .*\[calibration\]: 'value': did you mean values",
+    '[calibration]\nvalues = {"mechanics.C" = 1e-4}\ncovariance = [[1, 2]]': r"1 rows of 1 numbers are needed",
+    '[calibration]\nvalues = {"mechanics.C" = 1e-4}\ncovariance = [[-1]]': r"no negative number on its diagonal",
+    '[provenance.sources]\n"motor.X" = "page 3"': r"unknown key in .*sources\]: 'motor.X'",
+    "name = 3": r"name: a text is needed, not 3",
+    "parameters = 3": r"parameters: a table \[parameters\] is needed, not 3",
+    "[parameters": r"is not TOML",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_what_cannot_be_used_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    with pytest.raises(HarnessError, match=BAD[text]) as refused:
+        read_actuator(str(written(tmp_path, text)))
+    assert "\n" not in str(refused.value)
+
+
+def test_names_and_files_that_are_none(tmp_path: Path) -> None:
+    for name, told in (
+        ("defualt", "--actuator: unknown actuator 'defualt': did you mean default"),
+        (str(tmp_path / "none.toml"), "none.toml: cannot be read: No such file"),
+        (str(written(tmp_path, "<a/>", "a.ssv")), "a.ssv: is no SSP parameter set"),
+        (str(written(tmp_path, "<a", "b.ssv")), "b.ssv: is not XML"),
+        (str(written(tmp_path, "", "c.txt")), "c.txt: a .toml file, or an .ssv file"),
+    ):
+        with pytest.raises(HarnessError, match=told):
+            read_actuator(name)
+
+
+# --- data sheets --------------------------------------------------------------------------------------------------------
+
+
+def sheet(folder: Path, words: str, parameters: str = "") -> Actuator:
+    return read_actuator(str(written(folder, f"[sheet]\n{words}\n[parameters]\n{parameters}\n")))
+
+
+@pytest.mark.parametrize("alone", ['speed_constant = "135 rpm/V"', 'back_emf_constant = "7.407407407407 mV/rpm"'])
+def test_the_torque_constant_follows_from_the_speed_constant(tmp_path: Path, alone: str) -> None:
+    """K_t = 1/k_n in SI units, K_e = K_t/1.5."""
+    assert sheet(tmp_path, alone).parameters["motor.K_e"] == pytest.approx(1.0 / (135 * RPM) / 1.5, rel=1e-9)
+
+
+@pytest.mark.parametrize(("ratio", "named"), [(0.94, 1), (0.96, 0), (1.0, 0), (1.04, 0), (1.08, 1), (1.155, 0), (1.3, 1)])
+def test_constants_that_contradict_each_other_are_named(tmp_path: Path, ratio: float, named: int) -> None:
+    """1/k_n is K_t in block form, 2/sqrt(3)*K_t in sine form; 5 % off both is a contradiction."""
+    found = sheet(tmp_path, f"torque_constant = 0.05\nback_emf_constant = {0.05 * ratio}")
+    assert len(found.warnings) == named and found.parameters["motor.K_e"] == pytest.approx(0.05 / 1.5)
+    assert all("neither 1 (block) nor 1.155 (sine, line to line)" in line for line in found.warnings)
+
+
+def test_stated_friction_wins_over_the_no_load_current(tmp_path: Path) -> None:
+    words = "torque_constant = 0.1\nno_load_current = 0.5\nno_load_speed = 100"  # K_t*I_0 = 0.05 N.m
+    found = sheet(tmp_path, f"{words}\ncoulomb_friction = 0.03")
+    assert found.parameters["mechanics.T_coulomb"] == 0.03
+    assert found.parameters["mechanics.C"] == pytest.approx(0.02 / 100) and not found.warnings
+    found = sheet(tmp_path, words, '"mechanics.C" = 1e-4\n"mechanics.T_coulomb" = 0.02')
+    assert found.parameters["mechanics.C"] == 1e-4
+    assert len(found.warnings) == 1
+    assert "friction at no load, T_coulomb + C*w_0, is 0.03 N.m" in found.warnings[0]
+
+
+def test_a_stated_parameter_wins_over_the_sheet_and_is_named(tmp_path: Path) -> None:
+    found = sheet(tmp_path, "terminal_resistance = 2", '"motor.R" = 1.2')
+    assert found.parameters["motor.R"] == 1.2 and found.origins["motor.R"] == "stated"
+    assert found.warnings == ("motor.R = 1.2 is stated, off by +20 % from the sheet's: R_tt/2 = 2/2 = 1 Ohm",)
+
+
+def test_calibrated_values_win_over_all(tmp_path: Path) -> None:
+    text = (
+        '[sheet]\nterminal_resistance = "2 ohm +- 10 %"\n[calibration]\nnames = ["bench.delay", "motor.R"]\n'
+        'values = {"motor.R" = 0.9}\ncovariance = [[1.0, 0.0], [0.0, 1e-4]]\n'
+    )
+    found = read_actuator(str(written(tmp_path, text)))
+    assert (found.parameters["motor.R"], found.origins["motor.R"]) == (0.9, "calibrated")
+    assert found.tolerances["motor.R"] == pytest.approx(1.96 * 0.01)
+
+
+# --- the border ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_turn_of_the_user_shaft_is_a_lead() -> None:
+    """And power is the same on both sides: F*v = T*w."""
+    output = Output(0.005)
+    assert output.outside("position", np.array([2.0 * math.pi]))[0] == pytest.approx(0.005)
+    assert output.scale("load_torque") * output.scale("position") == pytest.approx(1.0)
+    assert output.inside("command", output.outside("command", np.array([0.3])))[0] == pytest.approx(0.3)
+    assert [output.unit(name) for name in ("position", "load_torque", "motor_speed")] == ["m", "N", "rad/s"]
+    run = xr.Dataset({"position": ("time", [2.0 * math.pi], {"units": "rad"}), "motor_speed": ("time", [1.0])})
+    shown = output.shown(run)
+    assert (float(shown.position[0]), shown.position.attrs["units"]) == (pytest.approx(0.005), "m")
+    assert float(run.position[0]) == pytest.approx(2.0 * math.pi) and float(shown.motor_speed[0]) == 1.0
+    assert Output().shown(run) is run
+
+
+def test_a_linear_actuator_is_in_metres_outside(
+    worked: Path, fmus: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Truth: the same trial in rad, flown by the twin with the ports' units."""
+    text = WORKED.replace('fault.open_switch = "a_upper"', "")
+    worked.write_text(text)
+    time = np.linspace(0.0, 0.1, 101)
+    metres, newtons = 1e-4 * np.sin(40.0 * time), 3.0 * np.ones(101)
+    table = np.column_stack([time, metres, newtons])
+    np.savetxt(tmp_path / "own.csv", table, delimiter=",", header="time,command,load_torque", comments="", fmt="%.12g")
+    folder = fmus["LF"].parent
+    words = ("--trial-file", tmp_path / "own.csv", "--actuator", worked, "--fmus", folder, "--out", tmp_path)
+    code = ema(monkeypatch, "run", *words, "--fidelity", "LF", "--reference", "LF", "--json", tmp_path / "run.json")
+    assert code == 0
+    header, *rows = (tmp_path / "own_LF.csv").read_text().splitlines()
+    assert header.startswith("time,command [m],load_torque [N],supply_voltage,position [m],motor_position,")
+    found = np.array([[float(cell) for cell in row.split(",")[:6]] for row in rows])
+    np.testing.assert_allclose(found[:, 2], 3.0)
+    actuator = read_actuator(str(worked))
+    points = grid(0.0, 1001, STEP)
+    inputs = {"command": np.interp(points, time, metres) / TRAVEL, "load_torque": np.full(1001, 3.0 * TRAVEL)}
+    with Twin(fmus["LF"]) as twin:
+        run = twin.run(Trial("own", 0.0, STEP, inputs, ""), actuator.parameters)
+    np.testing.assert_allclose(found[:, 4], run.position * TRAVEL, atol=1e-9 * 1e-4)
+    np.testing.assert_allclose(found[:, 5], run.motor_position, rtol=1e-6, atol=1e-6)
+    assert json.loads((tmp_path / "run.json").read_text())["actuator"] == actuator.identity
+    page = (tmp_path / "report.html").read_text()
+    assert "Position [m]" in page and "Actuator <b>mine</b>: a worked example" in page
+
+
+def test_the_command_line_wins_over_the_actuator() -> None:
+    from harness.cli.options import chosen_limits, chosen_monitor, chosen_parameters
+
+    actuator = Actuator("mine", parameters={"motor.R": 2.0, "motor.L": 1e-3}, limits={"friction": 2.5, "gain": 0.4})
+    assert chosen_parameters(actuator, ["motor.R=3"]) == {"motor.R": 3.0, "motor.L": 1e-3}
+    assert chosen_limits(actuator, ["friction=2"]) == {"friction": 2.0, "gain": 0.4}
+    assert merged(FIDELITIES["ELF+"], {"driver.coupled_saturation": 0.0})["driver.coupled_saturation"] == 1.0
+    for faults, refused in (({"fault.friction": 1.0}, False), ({"fault.friction": 2.0}, True)):
+        healthy = Actuator("mine", parameters=faults)
+        if refused:
+            with pytest.raises(HarnessError, match=r"fault.friction = 2: it is what is estimated"):
+                chosen_monitor("ELF+", [], estimated=["fault.friction"], actuator=healthy)
+        else:
+            assert chosen_monitor("ELF+", [], estimated=["fault.friction"], actuator=healthy)[1] == {}
+
+
+# --- parameter sets of SSP ----------------------------------------------------------------------------------------------
+
+
+def test_an_actuator_goes_through_a_parameter_set(worked: Path, tmp_path: Path) -> None:
+    actuator = read_actuator(str(worked))
+    for name, faults in ssp.PARAMETER_SETS.items():
+        path = tmp_path / "set.ssv"
+        path.write_bytes(ssp.parameter_set(name, faults, variant(actuator)))
+        found = read_actuator(str(path))
+        assert found.parameters == {**actuator.parameters, **faults}
+        assert found.output == actuator.output
+        assert found.name == ("mine" if name == "healthy" else f"mine, {name}")
+    path.write_bytes(ssp.parameter_set("healthy", {}, variant(actuator)))
+    assert read_actuator(str(path)).sha256 == actuator.sha256
+
+
+def test_a_foreign_parameter_set_may_have_other_units(tmp_path: Path) -> None:
+    text = (
+        '<s:ParameterSet xmlns:s="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="2.0" name="theirs">'
+        '<s:Parameters><s:Parameter name="motor.R"><s:Real value="80" unit="mOhm"/></s:Parameter>'
+        '<s:Parameter name="motor.p"><s:Integer value="8"/></s:Parameter></s:Parameters></s:ParameterSet>'
+    )
+    found = read_actuator(str(written(tmp_path, text, "theirs.ssv")))
+    assert found.parameters == pytest.approx({"motor.R": 0.08, "motor.p": 8.0}) and found.name == "theirs"
+    with pytest.raises(HarnessError, match=r"motor.R: .* does not measure"):
+        read_actuator(str(written(tmp_path, text.replace("mOhm", "V"), "theirs.ssv")))
+
+
+# --- what follows -------------------------------------------------------------------------------------------------------
+
+
+def test_derived_quantities_by_hand() -> None:
+    found = {item.name: item.value for item in derived(DEFAULT)}
+    R, V, K_e = 1.01, 48.0, 0.05
+    assert found["saturation speed"] == pytest.approx(V / math.sqrt(3) / K_e)
+    assert found["stall torque at the current limit"] == pytest.approx(0.75)
+    assert found["stall torque"] == pytest.approx(0.075 * V / math.sqrt(3) / R)
+    assert found["electrical time constant"] == pytest.approx(0.7e-3 / R)
+    assert found["mechanical time constant"] == pytest.approx(6e-5 * R / (0.075 * K_e))
+    assert found["stall torque at the output"] == pytest.approx(200 * 0.9 * (0.75 - 0.03))
+
+
+@pytest.mark.parametrize("name", ["default", "anaheim-bly171d", "maxon-linear-a", "maxon-linear-b"])
+def test_the_no_load_speed_is_that_of_the_twin(fmus: dict[str, Path], name: str) -> None:
+    """Truth: LF, which reaches the fundamental of six steps, at a command out of reach; HF gets some percent more."""
+    actuator = read_actuator(name)
+    command = np.full(6001, 900.0)
+    free = {"mechanics.end_stop": 1000.0, "controller.speed_limit": 1e5, "controller.K_pos": 1e3}
+    speed = next(item.value for item in derived(actuator) if item.name == "no-load speed")
+    for model, more, width in (("LF", 1.0, 1e-4), ("HF", 1.04, 0.04)):
+        with Twin(fmus[model]) as twin:
+            run = twin.run(Trial("away", 0.0, STEP, {"command": command}, ""), {**actuator.parameters, **free})
+        assert float(run.motor_speed[-1]) == pytest.approx(more * speed, rel=width)
+
+
+# --- the library --------------------------------------------------------------------------------------------------------
+
+SCALE = {"default": 0.1, "siemens-1ft6084": 20.0, "anaheim-bly171d": 0.5, "maxon-linear-a": 0.005, "maxon-linear-b": 0.005}
+"""Amplitude of a sine of 1 Hz at each actuator's own scale, in its unit outside."""
+ALLOWED = {"HF": 0.0, "ELF": 1e-3, "ELF+": 1e-3, "LF": 5e-3}
+"""NRMSE of position against HF, in this trial."""
+
+
+def test_the_library_names_a_source_for_every_number() -> None:
+    assert set(library()) == set(SCALE)
+    for name in library():
+        actuator = read_actuator(name)
+        assert actuator.name == name and actuator.description and actuator.warnings == ()
+        for port, origin in actuator.origins.items():
+            assert ";" in origin or origin.startswith("T_coulomb, for no breakaway"), (name, port, origin)
+    assert read_actuator("default").sha256 == DEFAULT.sha256
+
+
+@pytest.mark.parametrize(("name", "angle"), [("maxon-linear-a", 6669.0), ("maxon-linear-b", 22405.0)])
+def test_linear_ones_have_the_stated_motor_angle_a_travel(name: str, angle: float) -> None:
+    actuator = read_actuator(name)
+    assert actuator.value("gear.ratio") / actuator.output.scale("position") == pytest.approx(angle, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", SCALE)
+def test_the_library_flies_in_every_fidelity(fmus: dict[str, Path], name: str) -> None:
+    """A sine at its own scale: followed with the lag of its position loop, and alike in all fidelities."""
+    actuator = read_actuator(name)
+    time = grid(0.0, 12501, STEP)
+    amplitude = actuator.output.inside("command", np.array(SCALE[name]))
+    trial = Trial("SINE", 0.0, STEP, {"command": amplitude * np.sin(2.0 * math.pi * time)}, "", frozenset({"command"}))
+    runs = {}
+    for fidelity in FIDELITIES.values():
+        with Twin(fmus["HF"].parent / fidelity.fmu) as twin:
+            runs[fidelity.name] = run = twin.run(trial, merged(fidelity, actuator.parameters))
+        lag = 2.0 * math.pi / actuator.value("controller.K_pos")
+        error = np.sqrt(float(((run.command - run.position) ** 2).mean())) / float(amplitude)
+        assert error < 1.2 * lag / math.sqrt(2.0)
+        found = {item.variable: item.nrmse for item in compare(run, runs["HF"], names=(fidelity.name, "HF"))}
+        assert found["position"] is not None and found["position"] <= ALLOWED[fidelity.name]
+    assert set(refusals(fmus["HF"].parent, actuator.parameters).values()) == {""}
+
+
+def test_what_an_fmu_refuses_is_told_in_its_own_words(fmus: dict[str, Path]) -> None:
+    told = refusals(fmus["HF"].parent, {"fault.zeta": 0.9})
+    assert list(told) == list(FIDELITIES)
+    assert all("cannot start: motor.p * fault.zeta must be less than 1" in reason for reason in told.values())
+
+
+# --- ema actuator -------------------------------------------------------------------------------------------------------
+
+
+def test_a_new_file_is_the_default_actuator(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "sub" / 'my "EMA".toml'
+    assert ema(monkeypatch, "actuator", "new", path) == 0
+    found = read_actuator(str(path))
+    assert (found.name, found.parameters, found.sha256) == ('my "EMA"', {}, DEFAULT.sha256)
+    before = path.read_text()
+    assert ema(monkeypatch, "actuator", "new", path) == 2
+    assert "is there already" in capsys.readouterr().err and path.read_text() == before
+    assert ema(monkeypatch, "actuator", "new", tmp_path / "x.txt") == 2
+
+
+def test_every_line_of_a_new_file_may_be_used(tmp_path: Path) -> None:
+    from harness.actuators.template import template
+
+    lines = template("x").splitlines()
+    settled = [line[2:] if line.startswith('# "') and '" = ' in line else line for line in lines]
+    found = read_actuator(str(written(tmp_path, "\n".join(settled))))
+    assert len(found.parameters) > 25
+    assert all(value == ports.VARIABLES[ports.INDEX[name]].start for name, value in found.parameters.items())
+    settled = [line[2:] if re.match("# [A-Za-z_]+ = ", line) else line for line in lines]
+    found = read_actuator(str(written(tmp_path, "\n".join(settled))))
+    assert found.output.lead == 0.005 and len(found.limits) == 7 and found.log["position"] == "4 [mm]"
+
+
+def test_show_prints_values_origins_and_flights(
+    worked: Path,
+    fmus: dict[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    worked.write_text(WORKED.replace('speed_constant = "135 rpm/V"', 'speed_constant = "110 rpm/V"'))
+    code = ema(monkeypatch, "actuator", "show", worked, "--fmus", fmus["HF"].parent, "--json", tmp_path / "show.json")
+    told = capsys.readouterr()
+    assert code == 0
+    assert "R_tt/2 = 0.16/2 = 0.08 Ohm; page 3" in told.out and "rad (0.06 m)" in told.out
+    assert told.err.startswith("warning: torque constant 0.0706 N.m/A and 1/k_n")
+    found = json.loads((tmp_path / "show.json").read_text())
+    assert found["flies"] == {"HF": True, "ELF": True, "ELF+": True, "LF": True}
+    assert found["parameters"]["mechanics.J"] == {
+        "value": pytest.approx(6e-5),
+        "unit": "kg.m2",
+        "tolerance": pytest.approx(3e-6),
+        "origin": "stated",
+    }
+    assert found["parameters"]["monitor.tau"]["origin"] == "default"
+    assert found["derived"]["no-load speed at the output"]["unit"] == "m/s"
+    assert found["provenance"]["date"] == "2026-01-31" and len(found["warnings"]) == 1
+
+
+def test_list_names_the_library(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ema(monkeypatch, "actuator", "list") == 0
+    told = capsys.readouterr().out
+    assert all(name in told for name in library())
+
+
+# --- other commands -----------------------------------------------------------------------------------------------------
+
+
+def test_check_flies_another_actuator_and_judges_nothing(
+    fmus: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = written(tmp_path, "[SIN.LF]\nposition = 1e-9\n", "own_budgets.toml")
+    monkeypatch.setattr("harness.budgets.DEFAULT", own)  # fewer runs than the real ones
+    words = ("check", "--actuator", "anaheim-bly171d", "--fmus", fmus["HF"].parent)
+    assert ema(monkeypatch, *words, "--markdown", tmp_path / "c.md") == 0
+    assert "none judged: the budgets are the default actuator's" in capsys.readouterr().out
+    assert "no budgets" in (tmp_path / "c.md").read_text()
+    judged, free = (Verdict("SIN", "LF", "position", budget, found=0.5) for budget in (1e-9, math.inf))
+    assert not judged.passed and free.passed and not Verdict("SIN", "LF", "x", math.inf, failure="crashed").passed
+
+
+def test_a_campaign_keeps_the_actuator(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """Without Dask: the plan, and what the store says of it."""
+    from harness.campaigns.planfile import read_plan
+    from harness.campaigns.store import Store
+
+    actuator = read_actuator("maxon-linear-a")
+    plan = read_plan(None, {"ranges": {"motor.R": [0.07, 0.09]}, "samples": 2}, actuator=actuator)
+    assert "motor.R" not in plan.fixed and plan.fixed["motor.p"] == 8.0
+    Store(tmp_path, plan, {"EMA_ELF.fmu": "0"})
+    found = xr.open_zarr(tmp_path / "campaign.zarr")
+    assert found.attrs["actuator"] == actuator.name and found.attrs["actuator_sha256"] == actuator.sha256
+    assert found.position.attrs["units"] == "m"
+    rotary = read_plan(None, {"ranges": {"motor.R": [0.07, 0.09]}, "samples": 2})
+    assert rotary.digest({"EMA_ELF.fmu": "0"}) != plan.digest({"EMA_ELF.fmu": "0"})
+
+
+def test_the_live_page_flies_the_actuator(fmus: dict[str, Path]) -> None:
+    from harness.show import live
+
+    actuator = read_actuator("maxon-linear-b")
+    fleet = live.Fleet(fmus["HF"].parent, actuator, "maxon-linear-b")
+    run = fleet.fly("SIN", ["LF"], {})["LF"]
+    fleet.close()
+    assert run.position.attrs["units"] == "m" and run.attrs["actuator"] == actuator.name
+    assert float(abs(run.position).max()) == pytest.approx(0.1 * TRAVEL, rel=0.1)
+    assert live.figure({"LF": run}).layout.yaxis.title.text == "Position [m]"
+    assert "--actuator maxon-linear-b" in live.command("SIN", ["LF"], {}, fleet.named)
