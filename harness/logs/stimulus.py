@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import Akima1DInterpolator
+from scipy.interpolate import CubicSpline
 
 from harness.logs.log import Between, Log
 from harness.trials import STEP, Trial, grid
@@ -58,7 +58,8 @@ def _trial(log: Log, between: Between, beyond: float, jumps: NDArray[np.bool_]) 
 
 
 def _command(points: Array, time: Array, command: Array, between: Between, jumps: NDArray[np.bool_]) -> Array:
-    """The command at `points`; after a row that jumps it is held until the next."""
+    """The command at `points`; after a row that jumps it is held until the next. Smooth is a cubic spline: the loop
+    multiplies the command's error by some 1e4 A/rad, so a curve of lower order shows in the current."""
     rows = np.minimum(np.searchsorted(time, points + 1e-9, side="right") - 1, len(time) - 1)
     if between is Between.HELD:
         return command[rows]
@@ -69,8 +70,7 @@ def _command(points: Array, time: Array, command: Array, between: Between, jumps
     for first, last in itertools.pairwise(edges):
         inside = (rows >= first) & (points <= time[last - 1])
         if last - first >= 3:
-            curve = Akima1DInterpolator(time[first:last], command[first:last], method="makima")
-            smooth[inside] = curve(points[inside])
+            smooth[inside] = CubicSpline(time[first:last], command[first:last])(points[inside])
         elif last - first == 2:
             smooth[inside] = np.interp(points[inside], time[first:last], command[first:last])
     return smooth
