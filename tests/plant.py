@@ -39,7 +39,7 @@ def columns(
 def as_run(table: dict[str, np.ndarray], channels: tuple[str, ...] = tuple(NOISE)) -> Measured:
     """The columns as a measured run."""
     picked = {name: table[name] for name in channels}
-    return measured("run", table["time"], {"command": table["command"]}, picked, {}, where="run")
+    return measured("run", table["time"], {"command": table["command"]}, picked, {})
 
 
 def write(path: Path, table: dict[str, np.ndarray]) -> Path:

@@ -16,7 +16,9 @@ from harness.faults import ESTIMATED, FAULTS
 from harness.fidelity import FIDELITIES
 from harness.identification import coordinates
 from harness.identification.diagnosis import Diagnosis, identify
-from harness.identification.measured import jumps_of, noise_of, read_measured
+from harness.identification.measured import read_measured
+from harness.logs.noise import noise_of
+from harness.logs.stimulus import jumps_of
 from harness.trials import BUILT_IN
 
 CASES = {
@@ -231,9 +233,8 @@ def test_noise_and_jumps_are_measured():
 @pytest.mark.parametrize(
     "spoil, message",
     [
-        (lambda t: {k: v for k, v in t.items() if k != "motor_speed"}, "no column 'motor_speed'"),
-        (lambda t: {k: v for k, v in t.items() if "current" not in k}, "no column 'equivalent_current_filtered'"),
-        (lambda t: {k: v[::10] for k, v in t.items()}, "at least 500 are needed"),
+        (lambda t: {k: v for k, v in t.items() if k != "position"}, "no position"),
+        (lambda t: {k: v[::100] for k, v in t.items()}, "at least 25 are needed"),
         (lambda t: t | {"time": 1e3 * t["time"]}, "at least 25 are needed .times in another unit"),
         (lambda t: {k: v[:100] for k, v in t.items()}, "0.2 s to 100 s"),
         (lambda t: t | {"position": 0.0 * t["position"]}, "nothing was measured"),

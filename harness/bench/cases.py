@@ -66,4 +66,4 @@ def measure(case: Case, fmus: Path, rate: float, parameters: Mapping[str, float]
     sigma = np.ptp(values, axis=0) * [NOISE[port.name] for port in outputs]
     noisy = values + np.random.default_rng(case.seed).normal(size=values.shape) * sigma
     channels = {name: noisy[:, [port.name for port in outputs].index(name)] for name in NOISE}
-    return measured(case.trial, time, {"command": trial.inputs["command"][::every]}, channels, own, where=case.trial)
+    return measured(case.trial, time, {"command": trial.inputs["command"][::every]}, channels, own)

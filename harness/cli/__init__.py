@@ -18,6 +18,7 @@ from harness.cli.identify import identify
 from harness.cli.monitor import monitor
 from harness.cli.ports import ports
 from harness.cli.reference import reference
+from harness.cli.replay import replay
 from harness.cli.run import run
 from harness.cli.serve import serve
 from harness.errors import HarnessError
@@ -26,7 +27,7 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, campaign, columns, identify, monitor, check, serve, compare, export, reference, ports):
+for command in (build, run, replay, columns, campaign, identify, monitor, check, serve, compare, export, reference, ports):
     app.command()(command)
 app.add_typer(actuator, name="actuator", no_args_is_help=True)
 app.add_typer(bench, name="bench")

@@ -82,7 +82,7 @@ def identify(
         tolerance=tolerance,
     )
     target = out / f"{stem(measured)}_identified.html"
-    results.write(target, page(found, run, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
     if json_file:
         results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
     _print(found)

@@ -4,10 +4,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from ema_fmu_src import ports
 from harness.faults import FAULTS, KINDS, THRESHOLD
 from harness.fidelity import FIDELITIES, Fidelity
+from harness.identification.between import decided
 from harness.identification.estimates import Estimate, estimates_of
 from harness.identification.fit import Fit, fit
 from harness.identification.measured import Measured
@@ -21,7 +25,9 @@ class Diagnosis:
     """What a measured run says about an actuator.
 
     `name`: the run's; `fidelity`: the model's. `complaints`: a line for each channel that the model cannot explain; then
-    `health` is None, and else the least of the faults'. `evaluations`: runs of FMUs; `seconds` of wall time.
+    `health` is None, and else the least of the faults'. `nuisances`: what was estimated beside the faults, such as
+    `shift.position` [s], by how much that channel was shifted in time: value, sigma, unit. `measured`: the run as it was
+    fitted, with what its command does between rows decided. `evaluations`: runs of FMUs; `seconds` of wall time.
     """
 
     name: str
@@ -33,6 +39,8 @@ class Diagnosis:
     verdict: str
     evaluations: int
     seconds: float
+    nuisances: dict[str, dict[str, Any]]
+    measured: Measured = field(repr=False)
     fit: Fit = field(repr=False)
 
     def estimate(self, fault: str) -> Estimate:
@@ -50,6 +58,7 @@ class Diagnosis:
             "complaints": self.complaints,
             "remarks": self.remarks,
             "faults": {item.fault: {k: v for k, v in vars(item).items() if k != "fault"} for item in self.estimates},
+            "nuisances": self.nuisances,
             "evaluations": self.evaluations,
             "seconds": self.seconds,
         }
@@ -80,6 +89,7 @@ def identify(
     started = time.perf_counter()
     searched, judging = models_for(fidelity)
     given = dict(parameters or {})
+    measured = decided(measured, fmus, searched, given)
     with Model(fmus, searched, measured, given) as model, Model(fmus, judging, measured, given) as judge:
         found = fit(model, measured, judge, corrected=fidelity == judging)
         evaluations = model.evaluations + judge.evaluations
@@ -94,13 +104,31 @@ def identify(
         fidelity=fidelity.name,
         estimates=estimates,
         complaints=complaints,
-        remarks=[] if complaints else _remarks(estimates),
+        remarks=[*measured.remarks, *([] if complaints else _remarks(estimates)), *_open_shifts(found, measured)],
         health=None if complaints or not healths else min(healths),
         verdict=_verdict(estimates, complaints, fidelity.name, threshold),
         evaluations=evaluations,
         seconds=time.perf_counter() - started,
+        nuisances=_nuisances(found, measured),
+        measured=measured,
         fit=found,
     )
+
+
+def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, Any]]:
+    """The channels' shifts in time, by name."""
+    shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), strict=False)
+    return {f"shift.{name}": {"value": value, "sigma": sigma, "unit": "s"} for name, value, sigma in shifts}
+
+
+def _open_shifts(found: Fit, measured: Measured) -> list[str]:
+    """A line for each channel whose shift has come to its bound: then it is most likely beyond."""
+    at_bound = np.abs(found.shifts) > 0.98 * measured.shift_bound
+    return [
+        f"{name} is shifted in time by {1e3 * shift:.3g} ms, as far as is allowed: is its time, or the command's, right?"
+        for name, shift, stopped in zip(measured.channels, found.shifts, at_bound, strict=False)
+        if stopped
+    ]
 
 
 def _remarks(estimates: Sequence[Estimate]) -> list[str]:

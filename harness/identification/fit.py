@@ -6,14 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from harness.identification.measured import Measured, noise_of
+from harness.identification.measured import Measured
 from harness.identification.model import Model
 from harness.identification.search import ORIGIN, Problem, explain, map_space, rms_beside_noise
+from harness.logs.noise import noise_of
 
 Array = NDArray[np.float64]
 
-BLOCK = 0.05
-"""Length [s] of the blocks whose scores are taken as independent: two electrical periods of a slow run."""
+BLOCK, BLOCK_ROWS = 0.05, 3.0
+"""Length [s] of the blocks whose scores are taken as independent: two periods of a slow run; its least rows."""
 FULL_RANK = 1e-3
 """Part of the white-noise covariance that is added, so that fewer blocks than coordinates leave none without variance."""
 
@@ -26,7 +27,8 @@ class Fit:
     n_coordinates); `quantile`: half width of the 95 % intervals in standard deviations. `predicted` and `healthy`: the
     channels with the faults found and without any, shape (n_rows, n_channels), in their units. `noise` and `unexplained`,
     shape (n_channels,), in the channels' units: white noise, and rms of what is left beside it. `gap`: as `unexplained`, of
-    the judge's difference from the model; zeros if the judge itself was fitted.
+    the judge's difference from the model; zeros if the judge itself was fitted. `shifts` and `shift_sigma` [s], shape
+    (n_channels,): how far each channel was shifted in time, with its standard deviation; empty if the run allows no shifts.
     """
 
     z: Array
@@ -37,6 +39,8 @@ class Fit:
     noise: Array
     unexplained: Array
     gap: Array
+    shifts: Array
+    shift_sigma: Array
 
 
 def fit(model: Model, measured: Measured, judge: Model, *, corrected: bool = False) -> Fit:
@@ -50,34 +54,40 @@ def fit(model: Model, measured: Measured, judge: Model, *, corrected: bool = Fal
     if corrected:
         best, sigma = map_space(problem, judge, best.x)
     fitted = judge if corrected else model
-    predicted, healthy = fitted.predict(best.x), fitted.predict(ORIGIN)
+    z, shifts = problem.split(best.x)
+    predicted, healthy = fitted.predict(z, shifts), fitted.predict(ORIGIN, shifts)
     difference = predicted - measured.values
-    gap = np.zeros(difference.shape) if corrected else judge.predict(best.x) - predicted
+    gap = np.zeros(difference.shape) if corrected else judge.predict(z, shifts) - predicted
 
-    informative, n = measured.informative, len(ORIGIN)
-    jacobian = best.jac[:-n].reshape(len(problem.noise), -1, n)  # without the rows of the pull towards healthy
+    n = len(ORIGIN)
+    jacobian = best.jac[: -len(best.x)]  # without the rows of the pull towards healthy
     inverse = np.linalg.inv(best.jac.T @ best.jac)
-    scores = np.einsum("cnk,cn->nk", jacobian, (difference / problem.noise)[informative].T)
-    blocks = _block_sums(scores, measured)
-    freedom = len(blocks) - n
-    robust = len(blocks) / max(freedom, 1) * inverse @ blocks.T @ blocks @ inverse
-    shift = inverse @ np.einsum("cnk,cn->k", jacobian, (gap / problem.noise)[informative].T)
+    blocks = _block_sums(jacobian * problem.weigh(difference)[:, None], measured)
+    freedom = len(blocks) - len(best.x)
+    scarce = (len(blocks) / max(freedom, 1)) ** (2 if measured.is_slow else 1)  # as a jackknife over few blocks has it
+    robust = scarce * inverse @ blocks.T @ blocks @ inverse
+    shift = inverse @ jacobian.T @ problem.weigh(gap)
     covariance = _larger(robust, inverse) + FULL_RANK * inverse + np.diag(sigma**2 + shift**2)
     return Fit(
-        z=best.x,
-        covariance=covariance,
+        z=z,
+        covariance=covariance[:n, :n],
         quantile=float(student.ppf(0.975, max(freedom, 4))),
         predicted=predicted,
         healthy=healthy,
         noise=np.array([noise_of(series) for series in difference.T]),
         unexplained=rms_beside_noise(difference, measured),
         gap=rms_beside_noise(gap, measured),
+        shifts=shifts[: len(best.x) - n],
+        shift_sigma=np.sqrt(np.diag(covariance)[n:]) * measured.shift_bound,
     )
 
 
 def _block_sums(scores: Array, measured: Measured) -> Array:
-    """Scores (n_informative, n_coordinates) summed over blocks of BLOCK seconds: within one, errors may be correlated."""
-    block = ((measured.time[measured.informative] - measured.time[0]) / BLOCK).astype(int)
+    """Scores (n_residuals, n) of the residuals, channel after channel, summed over blocks of BLOCK seconds or more: within
+    one, errors may be correlated."""
+    length = max(BLOCK, BLOCK_ROWS * float(np.median(np.diff(measured.time))))
+    _, rows = np.nonzero(measured.weighed.T)
+    block = ((measured.time[rows] - measured.time[0]) / length).astype(int)
     used, places = np.unique(block, return_inverse=True)
     sums = np.zeros((len(used), scores.shape[1]))
     np.add.at(sums, places, scores)

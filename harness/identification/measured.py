@@ -1,65 +1,90 @@
 """A measured run: what was commanded and what was measured, checked and ready to be fitted."""
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
-from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError
+from harness.logs.log import Between, Log
+from harness.logs.noise import filled, quantum_of
+from harness.logs.observer import Observer, observer_of, shift_bound
 from harness.logs.read import read_one
 from harness.logs.run import SAME
-from harness.trials import STEP, Trial, grid
+from harness.logs.start import resting, start_of
+from harness.logs.stimulus import trials_of
+from harness.trials import Trial
 
 Array = NDArray[np.float64]
 
-LEAST_RATE = 500.0
+LEAST_RATE = 25.0
 """Rows a second that a measurement needs."""
+MOST_ROWS_MISSING = 5.0
+"""Longest gap that can be bridged while the command moves, in distances of rows; or 10 ms, if that is more."""
 MOST_SECONDS = 100.0
 """Longest measurement [s]: a longer one should be cut, or its times are in another unit."""
 LEAST_SECONDS = 0.2
 """Shortest measurement [s]: the integral of the speed loop needs about as long to settle."""
 CURRENT = "equivalent_current_filtered"
 PHASES = ("phase_current_a", "phase_current_b", "phase_current_c")
-JUMP = 8.0
-"""A change of the command between rows is a jump, not a slope, if it is more than so many times that of its neighbours."""
-START_WINDOW = 0.01
-"""Time [s] from the first row on, whose rows give the state at the start."""
-AT_REST = 0.01
-"""A run starts at rest if its speed there is within this fraction of its range of zero (ours: twice what a straight line
-misses of a start from rest), or within four times the noise; and at its command likewise."""
+CURRENTS = ((CURRENT,), PHASES, ("equivalent_current",), ("supply_current",))
+"""Sets of channels that show the motor's current; the first that a log holds is fitted."""
 SETTLING = 0.2
 """Time [s] that is left out of a run that starts in motion: the integral of the speed loop at its start is not measured."""
-STUCK = 0.02
-"""Time at rest [s] from which rows carry no weight: the integral leaves the current anywhere in the stiction band, where two
-right models differ."""
+LEAST_WEIGHED = 0.05
+"""Time in motion [s] that a run must show."""
 
 
 @dataclass(frozen=True)
 class Measured:
     """A measured run.
 
-    `time` [s], shape (n_rows,); `trial`: the inputs on the communication grid; `channels`: port name -> values of shape
-    (n_rows,) in the port's unit; `initial`: the parameters initial.*; `informative`, shape (n_rows,): the rows in which a
-    difference from a model means something.
+    `time` [s], shape (n_rows,). `trials`: the inputs on the communication grid, by what the command may have done
+    between rows. `channels`: port name -> values of shape (n_rows,) in the port's unit, not a number in rows that
+    are masked. `initial`: the parameters initial.*. `informative`, shape (n_rows,): the rows in which a difference from a
+    model means something. `observer`: how the rows were taken. `shift_bound` [s]: how far each channel may be shifted in
+    time, either way; 0 if not at all. `remarks`: a line for each thing a user should know.
     """
 
     name: str
     time: Array = field(repr=False)
-    trial: Trial
+    trials: dict[Between, Trial]
     channels: dict[str, Array] = field(repr=False)
     initial: dict[str, float]
     informative: NDArray[np.bool_] = field(repr=False)
+    observer: Observer = field(repr=False)
+    shift_bound: float = 0.0
+    remarks: tuple[str, ...] = ()
 
     @property
+    def trial(self) -> Trial:
+        """The first of the trials: the only one, where nothing is open or all has been decided."""
+        return next(iter(self.trials.values()))
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether the rows are too far apart to show when things happen, so that the channels' shifts are estimated."""
+        return self.shift_bound > 0.0
+
+    @cached_property
     def values(self) -> Array:
-        """The channels side by side, shape (n_rows, n_channels)."""
-        return np.column_stack(list(self.channels.values()))
+        """The channels side by side, shape (n_rows, n_channels); masked rows interpolated, for `weighed` leaves them out."""
+        return np.column_stack([filled(self.time, series) for series in self.channels.values()])
+
+    @cached_property
+    def weighed(self) -> NDArray[np.bool_]:
+        """Where a difference from a model means something, shape (n_rows, n_channels)."""
+        there = np.column_stack([np.isfinite(series) for series in self.channels.values()])
+        return there & self.informative[:, None]
+
+    @cached_property
+    def quanta(self) -> Array:
+        """Standard deviation of what a sensor's steps leave on each channel, in its unit, shape (n_channels,); 0 without."""
+        return np.array([quantum_of(series) for series in self.channels.values()]) / np.sqrt(12.0)
 
 
 def read_measured(
@@ -72,119 +97,81 @@ def read_measured(
 ) -> Measured:
     """The run of a log, from a file of any format; columns that are not needed are ignored.
 
-    Needed are time, command, position, motor_speed, and equivalent_current_filtered or the three phase currents;
-    load_torque and supply_voltage where they are there. The arguments are those of `read_log`. HarnessError, with line and
-    column, for anything that cannot be used.
+    The arguments are those of `read_log`, and the channels those of `measured_from_log`. HarnessError, with line and column,
+    for anything that cannot be used.
     """
-    log = read_one(path, columns, output, parameters, with_files=with_files)
-    lost = {name: line for line in log.remarks if SAME in line for name in log_names(line)}
-    currents = [CURRENT] if CURRENT in log.channels else list(PHASES)
-    for name in ("position", "motor_speed", *currents):
-        if name in log.channels:
-            continue
-        if name in lost:
-            raise HarnessError(f"{path}, {lost[name]}")
-        if name in PHASES:
-            missing = ", ".join(phase for phase in PHASES if phase not in log.channels)
-            raise HarnessError(f"{path}: no column '{CURRENT}', and of the phase currents {missing} missing")
-        raise HarnessError(f"{path}: no column '{name}', found: {', '.join(log.channels)}")
-    channels = {name: log.channels[name] for name in ("position", "motor_speed", *currents)}
-    known = np.all([np.isfinite(series) for series in channels.values()], axis=0)
-    whole = {name: np.interp(log.time, log.time[known], series[known]) for name, series in channels.items()}
-    run = measured(log.name, log.time, log.inputs, whole, parameters or {}, where=str(path))
-    return replace(run, informative=run.informative & known)
+    return measured_from_log(read_one(path, columns, output, parameters, with_files=with_files), parameters)
 
 
-def log_names(remark: str) -> list[str]:
-    """The ports that a log's remark names in brackets."""
-    return re.findall(r"\((\w+)\)", remark)
+def measured_from_log(log: Log, parameters: Mapping[str, float] | None = None) -> Measured:
+    """A run from a log; `parameters`: those set for this actuator, by port name.
+
+    Of the log's channels those are taken that a fit can use: the position on the user's side, or, if that or a speed is
+    missing, on the motor's; the speed; and the first of CURRENTS. HarnessError for a log that cannot be identified.
+    """
+    given = parameters or {}
+    channels = _chosen(log)
+    _check_time(log)
+    bound = shift_bound(log)
+    trials = trials_of(log, beyond=bound)
+    start = start_of(log, given)
+    informative = ~resting(log, given)
+    if start.moving:
+        informative &= log.time >= log.time[0] + SETTLING
+    if informative.sum() * float(log.time[-1] - log.time[0]) / len(log.time) < LEAST_WEIGHED:
+        raise HarnessError(f"{log.source}: the shaft hardly moves; a run in motion is needed")
+    remarks = log.remarks
+    if not any(name in channels for names in CURRENTS for name in names) and not any(
+        "no current" in line for line in remarks
+    ):
+        remarks += ("no current: friction and windings show in the position alone, if at all",)
+    if "position" not in channels:
+        remarks += ("the position was measured on the motor: what lies behind it, such as backlash, shows only in part",)
+    observer = observer_of(log, next(iter(trials.values())), tuple(channels))
+    return Measured(log.name, log.time, trials, channels, start.initial, informative, observer, bound, remarks)
 
 
-def measured(
-    name: str,
-    time: Array,
-    inputs: Mapping[str, Array],
-    channels: Mapping[str, Array],
-    parameters: Mapping[str, float],
-    *,
-    where: str,
-) -> Measured:
-    """A run from arrays of shape (n_rows,), by port name; an error message begins with `where`."""
-    seconds = float(time[-1] - time[0])
-    rate = (len(time) - 1) / seconds
-    if rate < LEAST_RATE * (1.0 - 1e-6):
-        raise HarnessError(
-            f"{where}: {rate:.4g} rows a second of the time column; at least {LEAST_RATE:g} are needed (time in s)"
-        )
-    widest = float(np.max(np.diff(time)))
-    if widest > 5.0 / LEAST_RATE:
-        raise HarnessError(f"{where}: {widest:.4g} s without a row; at most {5.0 / LEAST_RATE:g} s can be bridged")
+def _chosen(log: Log) -> dict[str, Array]:
+    """The channels that are fitted; HarnessError if there is no position, or one that holds nothing."""
+    there = log.channels
+    names = [name for name in ("position", "motor_speed") if name in there]
+    if len(names) < 2 and "motor_position" in there:
+        names.append("motor_position")
+    if names in ([], ["motor_speed"]):
+        lost = next((line for line in log.remarks if SAME in line and "position" in line), "")
+        if lost:
+            raise HarnessError(f"{log.source}, {lost}")
+        found = ", ".join(there) or "none"
+        raise HarnessError(f"{log.source}: no position; one on the user's or the motor's side is needed, found: {found}")
+    names += next((list(wanted) for wanted in CURRENTS if all(name in there for name in wanted)), [])
+    for name in names:
+        values = there[name][np.isfinite(there[name])]
+        if len(values) < 2 or np.ptp(values) == 0.0:
+            raise HarnessError(f"{log.source}, column {name}: {SAME}")
+    return {name: there[name] for name in names}
+
+
+def _check_time(log: Log) -> None:
+    """HarnessError if the log is too short, too long, too slow, or has a gap while its command moves."""
+    seconds, where = float(log.time[-1] - log.time[0]), log.source
+    if len(log.time) < 2 or log.rate < LEAST_RATE * (1.0 - 1e-6):
+        raise HarnessError(f"{where}: {log.rate:.4g} rows a second; at least {LEAST_RATE:g} are needed (time in s)")
     if not LEAST_SECONDS <= seconds <= MOST_SECONDS:
         raise HarnessError(
             f"{where}: lasts {seconds:g} s; {LEAST_SECONDS:g} s to {MOST_SECONDS:g} s can be identified (time in s)"
         )
-    initial, moving = _start(time, inputs["command"], channels, parameters)
-    informative = ~_stuck(time, channels["motor_speed"])
-    if moving:
-        informative &= time >= time[0] + SETTLING
-    if informative.sum() * seconds / len(time) < 0.05:
-        raise HarnessError(f"{where}: the shaft hardly moves; a run in motion is needed")
-    return Measured(name, time, _trial(name, time, inputs), dict(channels), initial, informative)
+    command, gaps = log.inputs["command"], np.diff(log.time)
+    most = max(0.01, MOST_ROWS_MISSING / log.rate) * (1.0 + 1e-6)
+    wide = np.flatnonzero((gaps > most) & (np.abs(np.diff(command)) > 1e-3 * np.ptp(command)))
+    if wide.size:
+        raise HarnessError(
+            f"{where}: {gaps[wide[0]]:.4g} s without a row after {log.time[wide[0]]:g} s, in which the command moves; "
+            f"at most {most:.4g} s can be bridged"
+        )
 
 
-def _trial(name: str, time: Array, inputs: Mapping[str, Array]) -> Trial:
-    """The inputs on the communication grid: interpolated, except where the command jumps; there it is held until the next
-    row."""
-    start = float(time[0])
-    points = grid(start, int((time[-1] - time[0]) / STEP + 1e-6) + 1, STEP)
-    rows = np.minimum(np.searchsorted(time, points + 1e-9, side="right") - 1, len(time) - 1)
-    on_grid = {key: np.interp(points, time, series) for key, series in inputs.items()}
-    jumps = jumps_of(inputs["command"])
-    on_grid["command"] = np.where(jumps[rows], inputs["command"][rows], on_grid["command"])
-    return Trial(name, start, STEP, on_grid, "measured", frozenset() if jumps.any() else frozenset({"command"}))
-
-
-def jumps_of(command: Array) -> NDArray[np.bool_]:
-    """Whether the command jumps after each row, shape (n_rows,)."""
-    change = np.abs(np.diff(command))
-    beside = np.maximum(np.r_[0.0, change[:-1]], np.r_[change[1:], 0.0])
-    return np.r_[(change > JUMP * beside) & (change > 1e-3 * np.ptp(command)), False]
-
-
-def _start(
-    time: Array, command: Array, channels: Mapping[str, Array], parameters: Mapping[str, float]
-) -> tuple[dict[str, float], bool]:
-    """The parameters initial.*, from straight lines through the first rows, and whether the shaft moves there."""
-    first = time <= time[0] + START_WINDOW
-    t = time[first] - time[0]
-    position, speed = (np.polynomial.polynomial.polyfit(t, channels[name][first], 1) for name in ("position", "motor_speed"))
-    near = {}
-    for name in ("position", "motor_speed"):
-        series = channels[name]
-        near[name] = max(AT_REST * np.ptp(series), 4.0 * np.std(np.diff(series)) / np.sqrt(first.sum()))
-    w = 0.0 if abs(speed[0]) <= near["motor_speed"] else float(speed[0])
-    settled = w == 0.0 and abs(position[0] - command[0]) <= near["position"]
-    x = float(command[0] if settled else position[0])  # a servo at rest stands at its command, unless that has just jumped
-    ratio = parameters.get("gear.ratio", ports.VARIABLES[ports.INDEX["gear.ratio"]].start)
-    state = {"initial.motor_position": ratio * x, "initial.position": x, "initial.motor_speed": w}
-    return ({} if x == 0.0 and w == 0.0 else state), w != 0.0
-
-
-def _stuck(time: Array, speed: Array) -> NDArray[np.bool_]:
-    """Whether each row is part of a rest of STUCK or longer, shape (n_rows,): the mean speed over a quarter of that time is
-    within its noise."""
-    width = max(1, round(STUCK / 4.0 / float(np.median(np.diff(time)))))
-    noise = noise_of(speed) / np.sqrt(width)
-    still = np.abs(uniform_filter1d(speed, width)) < max(4.0 * noise, 1e-3 * float(np.ptp(speed)))
-    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
-    stuck = np.zeros(len(time), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if time[end - 1] - time[begin] >= STUCK:
-            stuck[begin:end] = True
-    return stuck
-
-
-def noise_of(series: Array) -> float:
-    """Standard deviation of the white noise on a smooth series, from its third differences; robust against jumps."""
-    difference = np.diff(series, 3)
-    return float(1.4826 * np.median(np.abs(difference)) / np.sqrt(20.0))
+def measured(
+    name: str, time: Array, inputs: Mapping[str, Array], channels: Mapping[str, Array], parameters: Mapping[str, float]
+) -> Measured:
+    """A run from arrays of shape (n_rows,), by port name."""
+    return measured_from_log(Log(name, Path(name), time, inputs, channels), parameters)

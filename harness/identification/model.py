@@ -35,11 +35,7 @@ class Model:
         self._pairs = parameters.get("motor.p", ports.VARIABLES[ports.INDEX["motor.p"]].start)
         self._outputs = [port for port in ports.OUTPUTS if port.name in measured.channels]
         self._columns = [[port.name for port in self._outputs].index(name) for name in measured.channels]
-        trial = measured.trial
-        places = (measured.time - trial.start) / trial.step
-        whole = np.rint(places).astype(int)
-        on_grid = np.allclose(places, whole, atol=1e-3) and whole[-1] < len(trial.time)
-        self._rows = whole if on_grid else None  # None: the measured times lie between the communication points
+        self._last: tuple[Array, Array] | None = None  # coordinates and what was flown with them
         self._twin = Twin(fmus / fidelity.fmu)
 
     def __enter__(self) -> Self:
@@ -48,16 +44,29 @@ class Model:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._twin.close()
 
-    def predict(self, z: Array) -> Array:
+    def predict(self, z: Array, shifts: Array | None = None) -> Array:
         """The measured channels with the faults `z`, in the channels' units, shape (n_rows, n_channels).
 
-        `z`: scaled coordinates, shape (n_coordinates,).
+        `z`: scaled coordinates, shape (n_coordinates,); `shifts` [s] of the channels, shape (n_channels,), 0 without.
         """
-        self.evaluations += 1
-        trial = self._measured.trial
-        faults = coordinates.to_parameters(z)
-        faults["fault.zeta"] = min(faults["fault.zeta"], MOST_ECCENTRIC / self._pairs)
-        values, _ = self._twin.record(trial, self._parameters | faults, self._outputs)
-        if self._rows is not None:
-            return np.ascontiguousarray(values[self._rows][:, self._columns])
-        return np.column_stack([np.interp(self._measured.time, trial.time, values[:, column]) for column in self._columns])
+        flown = self._flown(z)
+        return self._measured.observer.rows(flown, np.zeros(flown.shape[1]) if shifts is None else shifts)
+
+    def slopes(self, z: Array, shifts: Array) -> Array:
+        """Derivative of each channel by its shift, in the channel's unit a second, shape (n_rows, n_channels)."""
+        return self._measured.observer.slopes(self._flown(z), shifts)
+
+    def aligned(self, z: Array) -> Array:
+        """The shifts [s] at which each channel of the model is nearest to the measured one, shape (n_channels,)."""
+        run = self._measured
+        return run.observer.aligned(self._flown(z), run.values, run.weighed, run.shift_bound)
+
+    def _flown(self, z: Array) -> Array:
+        """The channels on the trial's grid, shape (n_points, n_channels); the last flight is kept."""
+        if self._last is None or not np.array_equal(self._last[0], z):
+            self.evaluations += 1
+            faults = coordinates.to_parameters(z)
+            faults["fault.zeta"] = min(faults["fault.zeta"], MOST_ECCENTRIC / self._pairs)
+            values, _ = self._twin.record(self._measured.trial, self._parameters | faults, self._outputs)
+            self._last = z.copy(), np.ascontiguousarray(values[:, self._columns])
+        return self._last[1]

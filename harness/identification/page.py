@@ -16,8 +16,9 @@ LINES = {"measured": Line("#888888", width=1.0, opacity=0.7), "healthy": Line("#
 HEADS = ("Fault", "Estimate", "95 % interval", "Health", "")
 
 
-def page(diagnosis: Diagnosis, measured: Measured, command: str, actuator: Actuator = DEFAULT) -> str:
+def page(diagnosis: Diagnosis, command: str, actuator: Actuator = DEFAULT) -> str:
     """The page as HTML text; `command` is the command line that makes it again, `actuator` the one that was measured."""
+    measured = diagnosis.measured
     kind = "near" if diagnosis.complaints else "over" if any(item.alarm for item in diagnosis.estimates) else "ok"
     notes = "".join(f"<p>{html.escape(line)}.</p>" for line in diagnosis.remarks)
     if diagnosis.complaints:
@@ -30,13 +31,24 @@ def page(diagnosis: Diagnosis, measured: Measured, command: str, actuator: Actua
         f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.fidelity)}</h1>"
         f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{flown_actuator(actuator)}{notes}'
         f"{table(_caption(diagnosis), HEADS, rows(diagnosis))}"
-        f"<section><h2>Measured and identified</h2>{curves}</section>"
+        f"{_nuisances(diagnosis)}<section><h2>Measured and identified</h2>{curves}</section>"
         f"{origin(command)}",
     )
 
 
 def _caption(diagnosis: Diagnosis) -> str:
     return f"Faults, after {diagnosis.evaluations} runs of FMUs in {diagnosis.seconds:.1f} s"
+
+
+def _nuisances(diagnosis: Diagnosis) -> str:
+    """A table of what was estimated beside the faults, as HTML; empty if that is nothing."""
+    if not diagnosis.nuisances:
+        return ""
+    cells = [
+        (name, f"{1e3 * item['value']:.3g} ms", f"{1e3 * item['sigma']:.2g} ms")
+        for name, item in diagnosis.nuisances.items()
+    ]
+    return table("Shifts in time that the comparison has found", ("Channel", "Shift", "Standard deviation"), cells)
 
 
 def rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -61,7 +73,7 @@ def figure(diagnosis: Diagnosis, measured: Measured, output: Output = DEFAULT.ou
     drawing = rows_of(titles, residuals=0.32, size=11)
     for place in range(len(names)):
         scale, row = output.scale(names[place]), 2 * place + 1
-        data = scale * measured.values[:, place]
+        data = scale * measured.channels[names[place]]
         fits = {"healthy": diagnosis.fit.healthy, "identified": diagnosis.fit.predicted}
         models = {label: scale * fit[:, place] for label, fit in fits.items()}
         for label, values in {"measured": data, **models}.items():

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import differential_evolution, least_squares
-from scipy.stats import qmc
+from scipy.stats import chi2, qmc
 
+from harness.faults import KINDS
 from harness.identification import coordinates
-from harness.identification.measured import Measured, noise_of
+from harness.identification.measured import Measured
 from harness.identification.model import Model
+from harness.logs.noise import noise_of
 
 Array = NDArray[np.float64]
 
@@ -29,14 +31,18 @@ PRIOR_SIGMA = 3.0
 """Standard deviation, in spans, of a pull towards healthy: it decides only what the data leave open."""
 NOISE_FLOOR = 1e-4
 """Least noise of a channel, as a fraction of its range: no model is better."""
-SMOOTHING = 0.01
-"""Window [s] of the moving average that separates what a model leaves unexplained from white noise."""
+SMOOTHING, SMOOTHED_ROWS = 0.01, 5
+"""Window [s] of the moving average that separates what a model leaves unexplained from white noise, and its least rows."""
+SHIFT_SIGMA = 1.0 / np.sqrt(3.0)
+"""Standard deviation of the pull of a shift towards 0, in its bounds: that of a shift which is anywhere within them."""
 TOLERANCE = 0.003
 """Largest unexplained rest of a channel beside noise, as a fraction of its range, that counts as explained: three times what
 HF's plant leaves to ELF+ with any of the faults in an unsaturated run, and less than what a current sensor's offset of half
 an ampere leaves (ours)."""
 SCREEN_POINTS, MOST_STARTS = 64, 4
 """Sobol points of the global screen, and the most of its points from which a search starts."""
+ALIKE = float(chi2.ppf(0.99, len(coordinates.COORDINATES)))
+"""Difference of two minima, in variances of the noise, up to which noise does not tell them apart."""
 STALLED = 5.0
 """Multiple of TOLERANCE up to which what is left after the searches is taken for a sign that they have stalled."""
 POPULATION, GENERATIONS = 24, 30
@@ -53,84 +59,146 @@ SCREENED = np.round(coordinates.scaled(coordinates.STUDIED), 12)
 
 
 class Problem:
-    """A model's residuals against a measured run, as functions of scaled coordinates `z` of shape (n_coordinates,).
+    """A model's residuals against a measured run, as functions of `x`, shape (n_coordinates + n_shifts,): scaled
+    coordinates of the faults, then the channels' shifts in time in parts of their bound; none, if the run allows none.
 
     `noise` (n_channels,) weighs the channels: first the noise of the signals themselves, after `reweigh` what the model
-    leaves. `offset` (n_rows, n_channels) is added to the model's prediction.
+    leaves, never less than what a sensor's steps leave. `offset` (n_rows, n_channels) is added to the model's prediction.
     """
 
     def __init__(self, model: Model, measured: Measured) -> None:
         self.model, self.measured = model, measured
         self.data = measured.values
         self.spread = np.ptp(self.data, axis=0)
-        self.noise = np.maximum([noise_of(series) for series in self.data.T], 1e-3 * self.spread)
+        signals = np.maximum([noise_of(series) for series in self.data.T], measured.quanta)
+        self.noise = np.maximum(signals, 1e-3 * self.spread)
         self.offset = np.zeros(self.data.shape)
+        n_shifts = self.data.shape[1] if measured.is_slow else 0
+        self.origin = np.zeros(len(ORIGIN) + n_shifts)
+        self.lowest, self.highest = np.r_[LOWEST, -np.ones(n_shifts)], np.r_[HIGHEST, np.ones(n_shifts)]
+        self._pull = 1.0 / np.r_[np.full(len(ORIGIN), PRIOR_SIGMA), np.full(n_shifts, SHIFT_SIGMA)]
 
-    def difference(self, z: Array) -> Array:
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """The faults' scaled coordinates, shape (n_coordinates,), and the channels' shifts [s], shape (n_channels,)."""
+        shifts = x[len(ORIGIN) :] * self.measured.shift_bound
+        return x[: len(ORIGIN)], shifts if shifts.size else np.zeros(self.data.shape[1])
+
+    def aligned(self, x: Array) -> Array:
+        """`x` with the shifts at which each channel is nearest to the data."""
+        if len(x) == len(ORIGIN):
+            return x
+        z = x[: len(ORIGIN)]
+        return np.r_[z, np.clip(self.model.aligned(z) / self.measured.shift_bound, -1.0, 1.0)]
+
+    def difference(self, x: Array) -> Array:
         """Model minus data, shape (n_rows, n_channels), in the channels' units."""
-        return self.model.predict(z) + self.offset - self.data
+        return self.model.predict(*self.split(x)) + self.offset - self.data
 
-    def residuals(self, z: Array) -> Array:
-        """The difference over the noise, in the informative rows only, channel after channel."""
-        return ((self.difference(z) / self.noise)[self.measured.informative]).T.ravel()
+    def weigh(self, values: Array) -> Array:
+        """Values (n_rows, n_channels) over the noise, in the rows that carry weight, channel after channel."""
+        return (values / self.noise).T[self.measured.weighed.T]
 
-    def cost(self, z: Array) -> float:
+    def residuals(self, x: Array) -> Array:
+        """The difference over the noise, in the rows that carry weight, channel after channel."""
+        return self.weigh(self.difference(x))
+
+    def cost(self, x: Array) -> float:
         """Sum of the squared residuals."""
-        return float(np.sum(self.residuals(z) ** 2))
+        return float(np.sum(self.residuals(x) ** 2))
 
-    def unexplained(self, z: Array) -> float:
+    def unexplained(self, x: Array) -> float:
         """What is left of the worst channel beside noise, as a fraction of its range."""
-        return float(np.max(rms_beside_noise(self.difference(z), self.measured) / self.spread))
+        return float(np.max(rms_beside_noise(self.difference(x), self.measured) / self.spread))
 
-    def reweigh(self, z: Array) -> None:
-        """Take what the model leaves at `z` for the noise of the channels."""
-        left = self.difference(z)[self.measured.informative]
-        self.noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), NOISE_FLOOR * self.spread)
+    def reweigh(self, x: Array) -> None:
+        """Take what the model leaves at `x` for the noise of the channels."""
+        left = np.where(self.measured.weighed, self.difference(x), 0.0)
+        rms = np.sqrt(np.sum(left**2, axis=0) / np.maximum(self.measured.weighed.sum(axis=0), 1))
+        self.noise = np.maximum(np.maximum(rms, self.measured.quanta), NOISE_FLOOR * self.spread)
 
-    def search(self, start: Array) -> Any:
-        """Bounded least squares (SciPy's trust region) from `start`; the pull towards healthy is a residual a coordinate."""
+    def search(self, start: Array, most: int = 30) -> Any:
+        """Bounded least squares (SciPy's trust region) from `start`, of `most` trials at most; the pull towards healthy is a
+        residual a coordinate."""
         last: list[Array] = []  # the last point and its residuals: the slopes are taken from there
 
-        def rows(z: Array) -> Array:
-            if not last or not np.array_equal(last[0], z):
-                last[:] = z.copy(), np.r_[self.residuals(z), z / PRIOR_SIGMA]
+        def rows(x: Array) -> Array:
+            if not last or not np.array_equal(last[0], x):
+                last[:] = x.copy(), np.r_[self.residuals(x), x * self._pull]
             return last[1]
 
-        def slopes(z: Array) -> Array:
-            here, columns = rows(z), []
-            for place in range(len(z)):
-                step = DIFFERENCE_STEP if z[place] + DIFFERENCE_STEP <= HIGHEST[place] else -DIFFERENCE_STEP
-                beside = z.copy()
+        def slopes(x: Array) -> Array:
+            here, columns = rows(x), self._shift_slopes(x)
+            for place in reversed(range(len(ORIGIN))):
+                step = DIFFERENCE_STEP if x[place] + DIFFERENCE_STEP <= HIGHEST[place] else -DIFFERENCE_STEP
+                beside = x.copy()
                 beside[place] += step
-                columns.append((np.r_[self.residuals(beside), beside / PRIOR_SIGMA] - here) / step)
+                columns.insert(0, (np.r_[self.residuals(beside), beside * self._pull] - here) / step)
             return np.array(columns).T
 
-        inside = np.clip(start, LOWEST + 1e-3, HIGHEST - 1e-3)
-        return least_squares(rows, inside, slopes, bounds=(LOWEST, HIGHEST), xtol=1e-5, ftol=1e-6, max_nfev=30)
+        inside = np.clip(start, self.lowest + 1e-3, self.highest - 1e-3)
+        return least_squares(rows, inside, slopes, bounds=(self.lowest, self.highest), xtol=1e-5, ftol=1e-6, max_nfev=most)
+
+    def _shift_slopes(self, x: Array) -> list[Array]:
+        """Slopes of all residuals by each shift, without a flight of their own: each moves its own channel."""
+        if len(x) == len(ORIGIN):
+            return []
+        slopes = self.model.slopes(*self.split(x)) * self.measured.shift_bound
+        columns = []
+        for place in range(slopes.shape[1]):
+            alone = np.zeros(slopes.shape)
+            alone[:, place] = slopes[:, place]
+            pull = np.zeros(len(x))
+            pull[len(ORIGIN) + place] = self._pull[len(ORIGIN) + place]
+            columns.append(np.r_[self.weigh(alone), pull])
+        return columns
 
 
 def explain(problem: Problem) -> tuple[Any, Array]:
     """The best search, as SciPy returns it, and the standard deviation of each coordinate that its covariance does not show,
-    shape (n_coordinates,)."""
-    found, sigma = [problem.search(ORIGIN)], np.zeros(len(ORIGIN))
+    shape (n_coordinates + n_shifts,)."""
+    found, sigma = [problem.search(problem.aligned(problem.origin))], np.zeros(len(problem.origin))
     best = found[0]
-    if problem.unexplained(best.x) > TOLERANCE:
-        for start in _screen(problem):
+    if problem.measured.is_slow:
+        best, sigma = _all_minima(problem, found)
+    elif problem.unexplained(best.x) > TOLERANCE:
+        for start in _screen(problem, best.x):
             found.append(problem.search(start))
             best = min(found, key=lambda result: float(result.cost))
             if problem.unexplained(best.x) <= TOLERANCE:
                 break
-        if TOLERANCE < problem.unexplained(best.x) <= STALLED * TOLERANCE:
-            start, sigma = _evolve(problem, [result.x for result in found])
-            best = min(best, problem.search(start), key=lambda result: float(result.cost))
+    if TOLERANCE < problem.unexplained(best.x) <= STALLED * TOLERANCE:
+        start, sigma = _evolve(problem, [result.x for result in found])
+        best = min(best, problem.search(start), key=lambda result: float(result.cost))
     problem.reweigh(best.x)
     return problem.search(best.x), sigma
+
+
+def _all_minima(problem: Problem, found: list[Any]) -> tuple[Any, Array]:
+    """The best search in a slow log, and how far from it, as a standard deviation, those end that noise does not tell apart.
+
+    Few rows, sampled more slowly than the windings turn, can be explained by one phase nearly as well as by another, and
+    noise hides what a false minimum leaves: so every start of the screen is taken, and each fault of a group is tried on the
+    other members of the group. `found`, the searches so far, grows by these.
+    """
+    found += [problem.search(start) for start in _screen(problem, found[0].x)]
+    best = min(found, key=lambda result: float(result.cost))
+    for members in KINDS.values():
+        places = [place for fault in members for place in coordinates.PLACES[fault.name]]
+        for turn in range(1, len(members)):
+            beside = best.x.copy()
+            beside[places] = np.roll(best.x[places], turn)
+            found.append(problem.search(beside))
+    best = min(found, key=lambda result: float(result.cost))
+    per_residual = 2.0 * best.cost / best.fun.size
+    alike = [result for result in found if 2.0 * (result.cost - best.cost) < ALIKE * per_residual]
+    return best, 0.5 * np.max([np.abs(result.x - best.x) for result in alike], axis=0)
 
 
 def map_space(problem: Problem, target: Model, start: Array) -> tuple[Any, Array]:
     """As `explain`, but for the model `target`: space mapping from `start`, in which the problem's own model is searched."""
     for _ in range(MOST_CORRECTIONS):
-        problem.offset = target.predict(start) - problem.model.predict(start)
+        place = problem.split(start)
+        problem.offset = target.predict(*place) - problem.model.predict(*place)
         problem.reweigh(start)
         best = problem.search(start)
         change, start = np.abs(best.x - start), best.x
@@ -140,19 +208,29 @@ def map_space(problem: Problem, target: Model, start: Array) -> tuple[Any, Array
 
 
 def rms_beside_noise(difference: Array, measured: Measured) -> Array:
-    """Rms of the smoothed `difference` (n_rows, n_channels) beyond what white noise leaves there, in the channels' units."""
-    width = max(1, round(SMOOTHING / float(np.median(np.diff(measured.time)))))
-    smoothed = uniform_filter1d(difference, width, axis=0)[measured.informative]
+    """Rms of the smoothed `difference` (n_rows, n_channels) beyond what white noise and a sensor's steps leave there, in the
+    channels' units.
+
+    In slow logs, where few rows are left after smoothing, also beyond three standard deviations of what noise may leave.
+    """
+    apart = float(np.median(np.diff(measured.time)))
+    width = max(SMOOTHED_ROWS if measured.is_slow else 1, round(SMOOTHING / apart))
+    smoothed, weighed = uniform_filter1d(difference, width, axis=0), measured.weighed
+    rows = np.maximum(weighed.sum(axis=0), 1)
     white = np.array([noise_of(series) for series in difference.T]) ** 2 / width
-    return np.sqrt(np.maximum(np.mean(smoothed**2, axis=0) - white, 0.0))
+    if measured.is_slow:
+        white *= 1.0 + 3.0 * np.sqrt(2.0 * width / rows)
+    left = np.sum(np.where(weighed, smoothed, 0.0) ** 2, axis=0) / rows
+    return np.sqrt(np.maximum(left - np.maximum(white, measured.quanta**2), 0.0))
 
 
-def _screen(problem: Problem) -> list[Array]:
-    """The best points of: each coordinate alone half a span to both sides, and a Sobol set of all together."""
+def _screen(problem: Problem, best: Array) -> list[Array]:
+    """The best points of: each coordinate alone half a span to both sides, and a Sobol set of all together; with the shifts
+    of `best`."""
     alone = [0.5 * sign * row for row in np.eye(len(ORIGIN)) for sign in (1.0, -1.0)]
     low, high = SCREENED
     together = qmc.scale(qmc.Sobol(len(low), rng=SEED).random(SCREEN_POINTS), low, high)
-    points = [np.clip(point, LOWEST, HIGHEST) for point in (*alone, *together)]
+    points = [np.r_[np.clip(point, LOWEST, HIGHEST), best[len(ORIGIN) :]] for point in (*alone, *together)]
     return sorted(points, key=problem.cost)[:MOST_STARTS]
 
 
@@ -166,9 +244,9 @@ def _evolve(problem: Problem, stalled: list[Array]) -> tuple[Array, Array]:
     others += DIFFERENCE_STEP * rng.standard_normal(others.shape)
     last = differential_evolution(
         problem.cost,
-        list(zip(LOWEST, HIGHEST, strict=True)),
+        list(zip(problem.lowest, problem.highest, strict=True)),
         strategy="currenttobest1bin",
-        init=np.clip(np.r_[stalled, others], LOWEST, HIGHEST),
+        init=np.clip(np.r_[stalled, others], problem.lowest, problem.highest),
         maxiter=GENERATIONS,
         polish=False,
         rng=rng,

@@ -18,6 +18,8 @@ class Between(Enum):
 
     HELD = "held"
     RAMPED = "ramped"
+    SMOOTH = "smooth"
+    """A curve through the rows: a slow log of a command that moves without corners, such as a planner's."""
 
 
 @dataclass(frozen=True)

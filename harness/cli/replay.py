@@ -1,0 +1,83 @@
+"""`ema replay`."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harness.cli.build import fmu_folder
+from harness.cli.options import (
+    ActuatorOption,
+    Columns,
+    FmuDir,
+    Settings,
+    WithFiles,
+    chosen_actuator,
+    chosen_columns,
+    chosen_parameters,
+)
+from harness.cli.terminal import show
+
+if TYPE_CHECKING:
+    from harness.replay.replay import Replay
+
+
+def replay(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A measured run, or several, in any format.")],
+    actuator: ActuatorOption = None,
+    columns: Columns = None,
+    with_files: WithFiles = None,
+    fidelity: Annotated[str, typer.Option(metavar="FIDELITY", help="The twin that flies it.")] = "ELF+",
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")] = None,
+    fmus: FmuDir = None,
+) -> None:
+    """Fly a twin along the command of a log, and say how far it is from what was measured, channel by channel."""
+    from harness.fidelity import parse_fidelity
+    from harness.files import results
+    from harness.files.reader import stem
+    from harness.flight.interrupt import deferred
+    from harness.flight.twin import Twin
+    from harness.logs.read import read_log
+    from harness.replay.page import page
+    from harness.replay.replay import replay as fly
+
+    chosen = chosen_actuator(actuator)
+    flown = parse_fidelity(fidelity, "--fidelity")
+    parameters = chosen_parameters(chosen, settings)
+    logs = read_log(log, chosen_columns(columns, chosen), chosen.output, parameters, with_files=with_files or ())
+    results.prepare(out)
+    if json_file:
+        results.prepare_file(json_file)
+    folder = fmu_folder([flown], fmus, chosen)
+    with deferred() as interrupted, Twin(folder / flown.fmu) as twin:
+        found = [fly(each, twin, flown, parameters, on_progress=lambda done: interrupted()) for each in logs]
+    target = out / f"{stem(log)}_replayed.html"
+    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    if json_file:
+        results.write_json(json_file, _as_dict(found, log, chosen.identity))
+    for item in found:
+        _print(item)
+    typer.echo(f"page: {target}")
+
+
+def _as_dict(found: "list[Replay]", log: Path, actuator: dict[str, str]) -> dict[str, object]:
+    """For JSON: the one run at the top, or all under `runs`."""
+    origin: dict[str, object] = {"log": str(log), "actuator": actuator}
+    if len(found) == 1:
+        return origin | found[0].as_dict()
+    return origin | {"fidelity": found[0].fidelity, "runs": [item.as_dict() for item in found]}
+
+
+def _print(item: "Replay") -> None:
+    from harness.replay.page import HEADS, TRACKING, rows, tracking_rows
+
+    caption = f"{item.log.name}, {item.fidelity}: {len(item.log.time)} rows, command {item.between.value} between them"
+    show(caption, HEADS, rows(item), words=("Unit",))
+    if tracked := tracking_rows(item):
+        show("Position minus command", TRACKING, tracked, words=("Unit",))
+    for line in item.remarks:
+        typer.echo(line)

@@ -1,0 +1,89 @@
+"""The page of a replay: figures, and measured and twin on one axis, with what is left under them."""
+
+import html
+from collections.abc import Sequence
+
+import plotly.graph_objects as go
+
+from harness.actuators.actuator import DEFAULT, Actuator
+from harness.replay.replay import Replay
+from harness.show.curves import COMMAND, Line, curve, lines_of, thinned
+from harness.show.curves import rows as rows_of
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
+
+MEASURED = Line("#888888", width=1.4)
+HEADS = ("Channel", "Unit", "Rms", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Lag")
+TRACKING = ("Tracking error", "Unit", "measured", "twin", "difference", "ratio", "unshifted")
+
+
+def page(replays: Sequence[Replay], command: str, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `command` is the command line that makes it again, `actuator` the one that was flown."""
+    title = f"{replays[0].log.source.name}, flown by {replays[0].fidelity}"
+    return document(
+        f"EMA twins: {title}",
+        f"<h1>{html.escape(title)}</h1>{flown_actuator(actuator)}{''.join(map(_section, replays))}{origin(command)}",
+    )
+
+
+def rows(replay: Replay) -> list[tuple[str, ...]]:
+    """A row of texts for each channel, under HEADS."""
+    return [
+        (
+            item.name,
+            item.unit,
+            f"{item.rms:.4g}",
+            _percent(item.nrmse),
+            _percent(item.nrmse_20hz),
+            _percent(item.nrmse_unshifted),
+            f"{1e3 * item.shift:.2f} ms",
+            f"{1e3 * item.lag:.2f} ms",
+        )
+        for item in replay.channels
+    ]
+
+
+def tracking_rows(replay: Replay) -> list[tuple[str, ...]]:
+    """The row of texts of the tracking error, under TRACKING; none without a position."""
+    item = replay.tracking_error
+    if item is None:
+        return []
+    numbers = (f"{value:.4g}" for value in (item.measured, item.twin, item.difference))
+    return [("rms", item.unit, *numbers, _percent(item.ratio), _percent(item.ratio_unshifted))]
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100.0 * value:.3g} %"
+
+
+def _section(replay: Replay) -> str:
+    log = replay.log
+    notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in replay.remarks)
+    caption = (
+        f"{len(log.time)} rows, {log.rate:.4g} a second; command {replay.between.value} between rows. "
+        "NRMSE: rms of the difference over the measured range, at the shift in time that fits best; lag: what would align "
+        "them"
+    )
+    tracking = table("Position minus command", TRACKING, tracking_rows(replay)) if replay.tracking_error else ""
+    names = ", ".join(channel.name for channel in replay.channels)
+    return (
+        f"<section><h2>{html.escape(log.name)}</h2>{table(caption, HEADS, rows(replay))}{tracking}{notes}"
+        f"{drawn(figure(replay), f'Measured and twin: {names} over time, with residuals.')}</section>"
+    )
+
+
+def figure(replay: Replay) -> go.Figure:
+    """Each channel measured and flown, the command with the position, and twin minus measured under it."""
+    time, own = replay.log.time, lines_of([replay.fidelity])[replay.fidelity]
+    drawing = rows_of([f"{item.name}<br>[{item.unit}]" for item in replay.channels], residuals=0.32, size=11)
+    for place, item in enumerate(replay.channels):
+        curves = {"measured": (MEASURED, item.measured), replay.fidelity: (own, item.twin)}
+        if item.name == "position":
+            curves = {"command": (COMMAND, replay.command), **curves}
+        for label, (line, values) in curves.items():
+            shown = curve(label, line, thinned(time, values), legend=place == 0 or label == "command")
+            drawing.add_trace(shown, row=2 * place + 1, col=1)
+        left = curve(replay.fidelity, own, thinned(time, item.twin - item.measured), legend=False)
+        drawing.add_trace(left, row=2 * place + 2, col=1)
+    drawing.update_xaxes(title_text="Time [s]", row=2 * len(replay.channels), col=1)
+    drawing.update_layout(**LAYOUT, hovermode="x unified")
+    return drawing

@@ -1,0 +1,107 @@
+"""Logs flown again: HF made the log, so the twin that flies it is known to be right, and by how much it is early or late."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import slow
+from typer.testing import CliRunner
+
+from harness.actuators.actuator import Output
+from harness.cli import app
+from harness.fidelity import FIDELITIES
+from harness.flight.twin import Twin
+from harness.logs.log import Between, Log
+from harness.logs.read import read_log
+from harness.replay.figures import nrmse_20hz, tracking_error
+from harness.replay.replay import Replay, replay
+
+
+@pytest.fixture(scope="module")
+def log(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Log:
+    path = slow.write(tmp_path_factory.mktemp("logs") / "drive.txt", slow.plant(fmus["HF"], {}))
+    return read_log(path, slow.COLUMNS, Output(slow.LEAD), slow.ACTUATOR)[0]
+
+
+def fly(log: Log, fmus: dict[str, Path], fidelity: str = "ELF+", **other: float) -> Replay:
+    with Twin(fmus["HF"].parent / FIDELITIES[fidelity].fmu) as twin:
+        return replay(log, twin, FIDELITIES[fidelity], {**slow.ACTUATOR, **other})
+
+
+def test_a_right_twin_lies_on_the_log_within_its_sensors(log, fmus):
+    """Hall counts leave a step over the root of 12, the current its 1 % of noise and HF's ripple; shifts as made."""
+    found = {item.name: item for item in fly(log, fmus).channels}
+    step = 2.0 * np.pi / slow.COUNTS
+    assert found["motor_position"].rms == pytest.approx(step / np.sqrt(12.0), rel=0.2)
+    assert 0.009 < found["equivalent_current"].nrmse < 0.015
+    for name, shift in slow.SHIFTS.items():
+        assert found[name].shift == pytest.approx(shift, abs=5e-4) and found[name].lag == pytest.approx(shift, abs=5e-4)
+        assert found[name].nrmse_unshifted > 1.5 * found[name].nrmse
+
+
+def test_the_tracking_error_is_that_of_the_user_side_in_metres(log, fmus):
+    item = fly(log, fmus).tracking_error
+    error = log.output.outside("position", log.channels["motor_position"] / 20.0 - log.inputs["command"])
+    assert item.unit == "m" and item.measured == pytest.approx(np.sqrt(np.mean(error**2)))
+    assert item.ratio == pytest.approx(item.difference / item.measured) and item.ratio < 0.03
+    wrong = fly(log, fmus, **{"controller.K_pos": 30.0}).tracking_error
+    assert wrong.ratio_unshifted > 1.5 * wrong.ratio > 0.15
+
+
+def test_what_fits_best_between_rows_is_found_and_said(log, fmus):
+    open_ = fly(replace(log, between=None), fmus)
+    assert open_.between is Between.HELD and "held fits best" in open_.remarks[-1]
+
+
+def test_a_lag_beyond_a_row_is_no_shift(log, fmus):
+    late = replace(log, channels={**log.channels, "motor_position": np.roll(log.channels["motor_position"], 3)})
+    item = fly(late, fmus).channels[0]
+    assert abs(item.shift) <= 0.01 + 1e-12 and item.lag == pytest.approx(slow.SHIFTS["motor_position"] - 0.03, abs=2e-3)
+
+
+def test_masked_rows_are_left_out(log, fmus):
+    spoiled = log.channels["equivalent_current"].copy()
+    spoiled[50:60] = np.nan
+    one = fly(replace(log, channels={**log.channels, "equivalent_current": spoiled}), fmus).channels[1]
+    assert one.nrmse == pytest.approx(fly(log, fmus).channels[1].nrmse, rel=0.1) and one.nrmse_20hz is not None
+
+
+def test_the_low_pass_takes_off_what_is_fast_and_nothing_else():
+    """A second-order Butterworth forth and back: 1 Hz passes, 100 Hz does not; below 50 rows a second there is no figure."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    slow_one = np.sin(2.0 * np.pi * time)
+    assert nrmse_20hz(time, slow_one, slow_one + 0.1 * np.sin(200.0 * np.pi * time)) < 1e-3
+    assert nrmse_20hz(time, slow_one, 1.1 * slow_one) == pytest.approx(0.05 / np.sqrt(2.0), rel=0.02)
+    assert nrmse_20hz(time[::25], slow_one[::25], slow_one[::25]) is None
+
+
+def test_no_tracking_error_has_no_ratio():
+    assert tracking_error(np.ones(5), np.ones(5), np.zeros(5), np.zeros(5), "m").ratio is None
+
+
+def test_command_writes_page_and_json(log, fmus, tmp_path):
+    common = ["--fmus", str(fmus["HF"].parent), "--out", str(tmp_path), "--json", str(tmp_path / "r.json")]
+    result = CliRunner().invoke(
+        app, ["replay", str(log.source), "--actuator", str(slow.actuator(tmp_path / "own.toml")), *common]
+    )
+    assert result.exit_code == 0, result.output
+    written = json.loads((tmp_path / "r.json").read_text())
+    assert set(written["channels"]) == {"motor_position", "equivalent_current"} and written["command"] == "held"
+    assert {"rms", "nrmse", "nrmse_20hz", "lag"} <= set(written["channels"]["motor_position"])
+    assert set(written["tracking_error"]) == {"unit", "measured", "twin", "difference", "ratio", "ratio_unshifted"}
+    page = (tmp_path / "drive_replayed.html").read_text()
+    assert "residual" in page and "ELF+" in page and "http-equiv" not in page
+
+
+def test_several_runs_are_listed(log, fmus, tmp_path):
+    rows = log.source.read_text().splitlines()
+    path = tmp_path / "two.txt"
+    path.write_text("".join(f"{row}\t{run}\n" for run in "AB" for row in rows[:200]))
+    common = ["--fmus", str(fmus["HF"].parent), "--out", str(tmp_path), "--json", str(tmp_path / "r.json")]
+    words = ["replay", str(path), "--actuator", str(slow.actuator(tmp_path / "own.toml")), "--column", "run=5", *common]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.exception
+    runs = json.loads((tmp_path / "r.json").read_text())["runs"]
+    assert len(runs) == 2 and runs[0]["channels"] == runs[1]["channels"]
