@@ -25,7 +25,7 @@ CATEGORIES = {
 }
 
 _ANGLE = ("initial.motor_position", "mechanics.end_stop", "gear.ratio", "gear.backlash", "fault.backlash")
-_FIELD = (*_ANGLE, "motor.p", "motor.K_e", "fault.magnet", "fault.zeta", "fault.phi", "fault.eccentricity_law")
+_FIELD = (*_ANGLE, "motor.p", "motor.K_e", "fault.magnet", "fault.zeta", "fault.phi")
 _CURRENTS = ("initial.phase_current_a", "initial.phase_current_b")
 INITIAL_DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "position": (*_ANGLE, "initial.position"),
@@ -38,9 +38,9 @@ INITIAL_DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "phase_current_b": ("initial.phase_current_b",),
     "phase_current_c": _CURRENTS,
     "back_emf_a": (*_FIELD, "initial.motor_speed", "fault.N_a"),
-    "back_emf_b": (*_FIELD, "initial.motor_speed", "fault.N_b"),
-    "back_emf_c": (*_FIELD, "initial.motor_speed", "fault.N_c"),
-    "motor_torque": (*_FIELD, *_CURRENTS, "fault.N_a", "fault.N_b", "fault.N_c"),
+    "back_emf_b": (*_FIELD, "fault.eccentricity_law", "initial.motor_speed", "fault.N_b"),
+    "back_emf_c": (*_FIELD, "fault.eccentricity_law", "initial.motor_speed", "fault.N_c"),
+    "motor_torque": (*_FIELD, "fault.eccentricity_law", *_CURRENTS, "fault.N_a", "fault.N_b", "fault.N_c"),
 }
 """Parameters that the initial value of an output depends on; the other outputs start at zero."""
 
