@@ -128,3 +128,11 @@ def test_a_gap_in_which_the_command_moves_is_refused(log):
     )
     with pytest.raises(HarnessError, match="in which the command moves"):
         measured_from_log(cut, slow.ACTUATOR)
+
+
+def test_a_shift_at_its_bound_is_not_explained_by_faults(log, fmus):
+    """Rows of all channels 20 ms late: more than a shift may be, and nothing is alarmed for it."""
+    late = {name: np.r_[np.full(2, series[0]), series[:-2]] for name, series in log.channels.items()}
+    run = measured_from_log(replace(log, channels=late), slow.ACTUATOR)
+    found = identify(run, fmus=fmus["HF"].parent, fidelity=FIDELITIES["ELF+"], parameters=slow.ACTUATOR)
+    assert any("shifted in time" in line for line in found.complaints) and not any(item.alarm for item in found.estimates)

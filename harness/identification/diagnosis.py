@@ -19,6 +19,9 @@ from harness.identification.model import Model
 from harness.identification.search import TOLERANCE
 from harness.identification.unexplained import unexplained
 
+AT_BOUND = 0.95
+"""Part of its bound from which a shift in time is said to have come to it."""
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -94,7 +97,7 @@ def identify(
         found = fit(model, measured, judge, corrected=fidelity == judging)
         evaluations = model.evaluations + judge.evaluations
     end_stop = given.get("mechanics.end_stop", ports.VARIABLES[ports.INDEX["mechanics.end_stop"]].start)
-    complaints = unexplained(found, measured, tolerance, end_stop)
+    complaints = [*unexplained(found, measured, tolerance, end_stop), *_beyond(found, measured)]
     estimates = estimates_of(found, limits or {}, threshold)
     if complaints:
         estimates = [replace(item, health=None, alarm=False) for item in estimates]
@@ -104,7 +107,7 @@ def identify(
         fidelity=fidelity.name,
         estimates=estimates,
         complaints=complaints,
-        remarks=[*measured.remarks, *([] if complaints else _remarks(estimates)), *_open_shifts(found, measured)],
+        remarks=[*measured.remarks, *([] if complaints else _remarks(estimates))],
         health=None if complaints or not healths else min(healths),
         verdict=_verdict(estimates, complaints, fidelity.name, threshold),
         evaluations=evaluations,
@@ -121,11 +124,11 @@ def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, Any]]:
     return {f"shift.{name}": {"value": value, "sigma": sigma, "unit": "s"} for name, value, sigma in shifts}
 
 
-def _open_shifts(found: Fit, measured: Measured) -> list[str]:
-    """A line for each channel whose shift has come to its bound: then it is most likely beyond."""
-    at_bound = np.abs(found.shifts) > 0.98 * measured.shift_bound
+def _beyond(found: Fit, measured: Measured) -> list[str]:
+    """A line for each channel whose shift has come to its bound: most likely it is beyond, and faults make up for it."""
+    at_bound = np.abs(found.shifts) > AT_BOUND * measured.shift_bound
     return [
-        f"{name} is shifted in time by {1e3 * shift:.3g} ms, as far as is allowed: is its time, or the command's, right?"
+        f"{name} is shifted in time by {1e3 * shift:.3g} ms, as far as is allowed: are its times and the command's right?"
         for name, shift, stopped in zip(measured.channels, found.shifts, at_bound, strict=False)
         if stopped
     ]
