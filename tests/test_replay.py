@@ -1,6 +1,7 @@
 """Logs flown again: HF made the log, so the twin that flies it is known to be right, and by how much it is early or late."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -105,3 +106,22 @@ def test_several_runs_are_listed(log, fmus, tmp_path):
     assert result.exit_code == 0, result.exception
     runs = json.loads((tmp_path / "r.json").read_text())["runs"]
     assert len(runs) == 2 and runs[0]["channels"] == runs[1]["channels"]
+
+
+LOGS = os.environ.get("EMA_BENCH_LOGS", "")
+
+
+@pytest.mark.skipif(not LOGS, reason="EMA_BENCH_LOGS names no folder of bench logs")
+@pytest.mark.parametrize("name, stroke", [("a-10mm", 0.01), ("a-1mm", 0.002)])
+def test_a_real_log_flown_with_data_sheet_values(name: str, stroke: float, fmus: dict[str, Path], tmp_path: Path) -> None:
+    """A bench log of the library's actuator, whose real drive is another: its strokes come out, in m, within a tenth."""
+    columns = ["time=1 [ms]", "command=2 [mm] held", "position=4 [mm] motor", "equivalent_current=6 [mA]"]
+    given = [part for column in columns for part in ("--column", column)]
+    log, out = Path(LOGS) / f"{name}.txt", tmp_path / "replay.json"
+    call = ["replay", str(log), "--actuator", "maxon-linear-a", *given, "--fmus", str(fmus["HF"].parent)]
+    result = CliRunner().invoke(app, [*call, "--out", str(tmp_path), "--json", str(out)])
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())
+    assert found["channels"]["position"]["unit"] == "m" and found["channels"]["position"]["nrmse"] < 0.1
+    assert 0.1 * stroke < found["tracking_error"]["measured"] < stroke
+'''
