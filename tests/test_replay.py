@@ -124,4 +124,3 @@ def test_a_real_log_flown_with_data_sheet_values(name: str, stroke: float, fmus:
     found = json.loads(out.read_text())
     assert found["channels"]["position"]["unit"] == "m" and found["channels"]["position"]["nrmse"] < 0.1
     assert 0.1 * stroke < found["tracking_error"]["measured"] < stroke
-'''
