@@ -41,7 +41,7 @@ def _changed(fmu: Path, folder: Path, *changes: tuple[str, str]) -> Path:
 def test_run_has_every_output_with_unit_and_attributes(fmus: dict[str, Path]) -> None:
     with Twin(fmus["LF"]) as twin:
         run = twin.run(_short(), {"fault.N_a": 0.9, "supply_voltage": 40.0})
-    assert set(run.data_vars) == {"command", *(port.name for port in ports.OUTPUTS)}
+    assert set(run.data_vars) == {"command", "supply_voltage", *(port.name for port in ports.OUTPUTS)}
     for port in ports.OUTPUTS:
         assert run[port.name].attrs["units"] == port.unit
         assert run[port.name].attrs["long_name"]
