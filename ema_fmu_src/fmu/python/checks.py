@@ -91,7 +91,7 @@ def state_problem(twin: Twin, state: dict[str, Any]) -> str:
         return "it has other variables"
     if not (isinstance(mode, list) and len(mode) == 4 and mode[0] in MODES and isinstance(mode[1], str)):
         return "it has no mode"
-    if mode[2] not in {status.message for status in Status} or not isinstance(mode[3], bool):
+    if mode[2] not in [status.message for status in Status] or not isinstance(mode[3], bool):
         return "it has no status"
     if not _numbers(clock, 4):
         return "its times are none"
