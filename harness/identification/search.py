@@ -1,8 +1,8 @@
 """The search for the faults that explain a measured run best.
 
 Least squares start from the healthy actuator. If something is left unexplained, more of them start from the best points of a
-Sobol screen of the whole fault space. Where stick and slip make the valley of good models narrow and bent, all of them may
-stall in it; then differential evolution goes on from where they ended.
+Sobol screen of the whole fault space, until two agree. Where stick and slip make the valley of good models narrow and bent,
+they stall in it, each elsewhere; then differential evolution goes on from where they ended.
 
 HF itself is not fitted by least squares: hysteresis control is chaotic in rounding, which makes HF's residuals rough and
 hides their slopes. It is fitted by space mapping (Bandler et al., IEEE Trans. Microwave Theory Tech. 42 (1994) 2536): ELF+
@@ -37,8 +37,10 @@ HF's plant leaves to ELF+ with any of the faults in an unsaturated run, and less
 an ampere leaves (ours)."""
 SCREEN_POINTS, MOST_STARTS = 64, 4
 """Sobol points of the global screen, and the most of its points from which a search starts."""
+AGREED = 1.05
+"""Ratio of their costs up to which two searches have found the same."""
 STALLED = 5.0
-"""Multiple of TOLERANCE up to which what is left after the searches is taken for a sign that they have stalled."""
+"""Multiple of TOLERANCE up to which what is left after searches that do not agree is taken for a sign that they stalled."""
 POPULATION, GENERATIONS = 24, 30
 """Of the differential evolution after searches that have stalled."""
 MOST_CORRECTIONS, CONVERGED = 6, 2e-3
@@ -118,13 +120,19 @@ def explain(problem: Problem) -> tuple[Any, Array]:
         for start in _screen(problem):
             found.append(problem.search(start))
             best = min(found, key=lambda result: float(result.cost))
-            if problem.unexplained(best.x) <= TOLERANCE:
+            if problem.unexplained(best.x) <= TOLERANCE and _reached_twice(found):
                 break
-        if TOLERANCE < problem.unexplained(best.x) <= STALLED * TOLERANCE:
+        if problem.unexplained(best.x) <= STALLED * TOLERANCE and not _reached_twice(found):
             start, sigma = _evolve(problem, [result.x for result in found])
             best = min(best, problem.search(start), key=lambda result: float(result.cost))
     problem.reweigh(best.x)
     return problem.search(best.x), sigma
+
+
+def _reached_twice(found: list[Any]) -> bool:
+    """Whether the best of the searches is confirmed by another: one alone, while others stalled, may have stalled nearer."""
+    first, second = sorted(float(result.cost) for result in found)[:2]
+    return second <= AGREED * first
 
 
 def map_space(problem: Problem, target: Model, start: Array) -> tuple[Any, Array]:
