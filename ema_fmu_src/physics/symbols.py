@@ -41,6 +41,7 @@ _ALL = (
     Symbol("to_tick", "s", "time to the controller's next tick"),
     Symbol("longest", "s", "longest step", port="solver.step"),
     Symbol("half_play", "rad", "half of the play at the user shaft", "gear.backlash*fault.backlash/2", "ours"),
+    Symbol("end_stop", "rad", "end stops of the user shaft, at plus and minus", source="ours", port="mechanics.end_stop"),
     Symbol("before", "rad", "rotor angle at the beginning of a step"),
     Symbol("turning", "rad/s", "how fast theta_e turns", "abs(w_e)"),
     Symbol("h", "s", "length of a step; in a search for an event, the shortest so far"),
