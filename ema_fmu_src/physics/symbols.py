@@ -122,6 +122,7 @@ _ALL = (
     Symbol("v_n", "V", "voltage of the star point", "sum(g_j*d_j)/sum(g_j)"),
     # drivers without switching
     Symbol("z", "1", "decay of a current over a step", "h*R_j/L_j"),
+    Symbol("X_L", "Ohm", "voltage per change of current over a step, of an inductance", "L_j/h"),
     Symbol("hR", "Ohm.s", "the same by the inductance", "h*R_j"),
     Symbol("y", "S", "change of current over a step per volt", "1/max(L_j/h + R_j/2, R_j)", "ours"),
     Symbol("hold", "V", "leg voltage that holds the current as it is", "e_j + R_j*i_j", "ours"),
