@@ -115,7 +115,9 @@ class Twin(Component):
         values = recording.outputs
         command = trial.inputs["command"][: len(values)]
         data: dict[str, Any] = {"command": ("time", command, {"units": "rad", "long_name": "Commanded position"})}
-        for column, port in enumerate(outputs):
+        columns = {port.name: column for column, port in enumerate(outputs)}
+        for port in sorted(outputs, key=lambda port: ports.INDEX[port.name]):  # columns of files stay where they were
+            column = columns[port.name]
             series = values[:, column].astype(bool) if port.kind == "Boolean" else values[:, column]
             data[port.name] = ("time", series, {"units": port.unit, "long_name": port.description})
         times = trial.time[: len(values)]
