@@ -12,7 +12,11 @@ EXPECTED = recorded()
 def test_all_cases_are_recorded_and_differ() -> None:
     assert set(EXPECTED) == {case.name for case in CASES}
     healthy, faulted = EXPECTED["SIN HF healthy held"], EXPECTED["SIN HF faulted held"]
-    assert all(healthy[name] != faulted[name] for name in healthy if name != "voltage_saturated")
+    assert all(
+        healthy[name] != faulted[name]
+        for name in healthy
+        if name not in ("voltage_saturated", "voltage_saturated_real", "end_stop_torque")
+    )
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

@@ -122,6 +122,7 @@ def test_ports_lists_every_variable(capsys: pytest.CaptureFixture[str], monkeypa
     assert len(rows) == 2 + len(ports.VARIABLES)
     assert all(f"| {port.name} |" in row for port, row in zip(ports.VARIABLES, rows[2:], strict=True))
     assert len({row.count("|") for row in rows}) == 1
+    monkeypatch.delenv("COLUMNS", raising=False)  # as wide as the table is
     code, told, _ = _ema(capsys, monkeypatch, "ports")
     assert code == 0
     assert all(port.name in told for port in ports.VARIABLES)

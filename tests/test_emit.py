@@ -65,7 +65,7 @@ def test_a_kernel_for_this_machine_alone_is_refused(tmp_path: Path) -> None:
 def test_the_header_holds_the_bits_of_the_bounds() -> None:
     text = header("HF", "{guid}")
     assert f'{{"supply_voltage", REAL, INPUT, 0, {(0.0).hex()}, {(2000.0).hex()}, {(48.0).hex()}}}' in text
-    assert f'{{"solver.step", REAL, PARAMETER, 1, {(1e-9).hex()}, {(1e-2).hex()}, {(1e-5).hex()}}}' in text
+    assert f'{{"solver.step", REAL, PARAMETER, 1, {(1e-9).hex()}, {(1e-2).hex()}, {(2e-5).hex()}}}' in text
     assert '{"initial.motor_speed", REAL, PARAMETER, 1, -DBL_MAX, DBL_MAX' in text
     assert '{"fault.open_switch", INTEGER, PARAMETER, 0,' in text
 

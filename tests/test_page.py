@@ -101,5 +101,5 @@ def test_a_reader_without_eyes_finds_headings_captions_and_figures(browser: Any,
     assert page.locator("table th[scope=col]").count() == 6
     assert page.locator("table th[scope=row]").count() == 2 * len(FIDELITIES)
     labels = page.evaluate("[...document.querySelectorAll('[role=img]')].map(f => f.getAttribute('aria-label'))")
-    assert len(labels) == 3 and all(labels) and "ELF+ 0.1" in labels[1]
+    assert len(labels) == 3 and all(labels) and "ELF+ 0.09" in labels[1]
     page.close()

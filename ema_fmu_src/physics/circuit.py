@@ -5,7 +5,7 @@ from typing import NamedTuple
 from . import inverter
 from .jit import kernel
 from .phases import Abc
-from .windings import damping, inductor_voltages, mean_share, per_sum, star_point
+from .windings import damping, inductor_voltages, per_sum, star_point
 
 
 class Circuit(NamedTuple):
@@ -133,15 +133,4 @@ def damped(star, g, h):
         g.a * damping(h * R.a * g_j.a),
         g.b * damping(h * R.b * g_j.b),
         g.c * damping(h * R.c * g_j.c),
-    )
-
-
-@kernel
-def between(star, i, i_new, h):
-    """Mean currents of such a step."""
-    R, g_j = star.R, star.g
-    return Abc(
-        i.a + (i_new.a - i.a) * mean_share(h * R.a * g_j.a, 1.0),
-        i.b + (i_new.b - i.b) * mean_share(h * R.b * g_j.b, 1.0),
-        i.c + (i_new.c - i.c) * mean_share(h * R.c * g_j.c, 1.0),
     )

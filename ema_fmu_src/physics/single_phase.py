@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from .jit import kernel
 from .trig import clamp
-from .windings import mean_share
+from .windings import mean_share, step_impedance
 
 TAU = 1e-4
 """Time constant of the current loop [s] (ours: the controller's default period)."""
@@ -49,7 +49,7 @@ def resistance(R, N, s):
 
 @kernel
 def current(i, I_ref, e, R_eq, L, V_dc, w_e, h):
-    """A step h of the equivalent current (ours): L di/dt = v - R_eq*i - e, by the rule of `voltage_limit.step_impedance`.
+    """A step h of the equivalent current (ours): L di/dt = v - R_eq*i - e, by the rule of `windings.step_impedance`.
 
     v takes the current to I_ref with the time constant tau, as far as the six-step voltage 2*V_dc/pi reaches beside what the
     turning current needs across it, w_e*L*i.
@@ -60,5 +60,5 @@ def current(i, I_ref, e, R_eq, L, V_dc, w_e, h):
     across = w_e * L * i
     reach = math.sqrt(max(0.0, (V_dc * SIX_STEP) ** 2 - across * across))
     v = clamp(need, -reach, reach)
-    change = (v - e - R_eq * i) / max(L / h + 0.5 * R_eq, R_eq)
+    change = (v - e - R_eq * i) / step_impedance(L / h, R_eq)
     return Driven(i + change, i + share * change, v, v != need)

@@ -41,6 +41,9 @@ _ALL = (
     Symbol("to_tick", "s", "time to the controller's next tick"),
     Symbol("longest", "s", "longest step", port="solver.step"),
     Symbol("half_play", "rad", "half of the play at the user shaft", "gear.backlash*fault.backlash/2", "ours"),
+    Symbol("end_stop", "rad", "end stops of the user shaft, at plus and minus", source="ours", port="mechanics.end_stop"),
+    Symbol("before", "rad", "rotor angle at the beginning of a step"),
+    Symbol("turning", "rad/s", "how fast theta_e turns", "abs(w_e)"),
     Symbol("h", "s", "length of a step; in a search for an event, the shortest so far"),
     Symbol("bits", "1", "resolution of the resolver: 2^bits counts a turn", source="ours", port="sensor.resolver_bits"),
     # mechanics
@@ -89,7 +92,7 @@ _ALL = (
     Symbol("gate", "1", "switch of a leg that conducts: +1 upper, -1 lower, 0 none"),
     Symbol("rail", "1", "rail that a leg is tied to: +1 upper, -1 lower, 0 none"),
     Symbol("open_side", "1", "side whose switch stays open: +1 upper, -1 lower, 0 none", "fault.open_switch", "ours"),
-    Symbol("open_switch", "1", "number of the switch that stays open", source="ours", port="fault.open_switch"),
+    Symbol("open_switch", "", "number of the switch that stays open", source="ours", port="fault.open_switch"),
     Symbol("number", "1", "number of a leg: 0, 1, 2 for a, b, c"),
     Symbol("v", "V", "voltage of a leg about the mid-point of the bus", "rail_j*V_dc/2"),
     Symbol("v_open", "V", "voltage of a leg's terminal that is tied to no rail", "v_n + e_j"),
@@ -119,6 +122,7 @@ _ALL = (
     Symbol("v_n", "V", "voltage of the star point", "sum(g_j*d_j)/sum(g_j)"),
     # drivers without switching
     Symbol("z", "1", "decay of a current over a step", "h*R_j/L_j"),
+    Symbol("X_L", "Ohm", "voltage per change of current over a step, of an inductance", "L_j/h"),
     Symbol("hR", "Ohm.s", "the same by the inductance", "h*R_j"),
     Symbol("y", "S", "change of current over a step per volt", "1/max(L_j/h + R_j/2, R_j)", "ours"),
     Symbol("hold", "V", "leg voltage that holds the current as it is", "e_j + R_j*i_j", "ours"),
@@ -130,7 +134,7 @@ _ALL = (
     Symbol("q", "A", "equivalent (quadrature) current", "-i_alpha*s + i_beta*c", "paper", "equivalent_current"),
     Symbol("i_filtered", "A", "filtered equivalent current", source="ours", port="equivalent_current_filtered"),
     Symbol("tau", "s", "time constant of the filtered equivalent current", source="ours", port="monitor.tau"),
-    Symbol("smoothing", "1", "of the low-pass over a step", "h/(tau + h/2)", "ours"),
+    Symbol("smoothing", "1", "of the low-pass over a step", "min(1, h/(tau + h/2))", "ours"),
     # records
     Symbol("is_live", "", "whether the supply lets the inverter switch", "V_dc >= inverter.LEAST_SUPPLY", "ours"),
     Symbol("load", "N.m", "load torque on the user shaft", port="load_torque"),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from .jit import kernel
 from .phases import Abc
 from .trig import clamp
-from .windings import mean_share, per_sum, star_point
+from .windings import mean_currents, per_sum, star_point, step_impedance
 
 
 class Driven(NamedTuple):
@@ -29,23 +29,11 @@ def independent_phase(i_ref_j, e_j, R, N_j, V_dc):
 
 
 @kernel
-def _mean(i_j, i_new_j, hR_j, L_j):
-    return i_j + (i_new_j - i_j) * mean_share(hR_j, L_j)
-
-
-@kernel
-def _means(i, i_new, phases, h):
-    """Mean currents over a step h."""
-    R, L = phases
-    return Abc(_mean(i.a, i_new.a, h * R.a, L.a), _mean(i.b, i_new.b, h * R.b, L.b), _mean(i.c, i_new.c, h * R.c, L.c))
-
-
-@kernel
 def needs(i, i_ref, e, phases, per_h):
     """What the currents ask of the legs over a step h = 1/per_h: the voltages hold_j = e_j + R_j*i_j that keep them as they
     are, need_j = (i_ref_j - i_j)/y_j + hold_j that take them to their references, and 1/y_j."""
     R, L = phases
-    impedance = Abc(step_impedance(per_h, R.a, L.a), step_impedance(per_h, R.b, L.b), step_impedance(per_h, R.c, L.c))
+    impedance = Abc(step_impedance(L.a * per_h, R.a), step_impedance(L.b * per_h, R.b), step_impedance(L.c * per_h, R.c))
     hold = Abc(e.a + R.a * i.a, e.b + R.b * i.b, e.c + R.c * i.c)
     need = Abc(
         (i_ref.a - i.a) * impedance.a + hold.a,
@@ -59,13 +47,6 @@ def needs(i, i_ref, e, phases, per_h):
 def beyond(need, V_dc):
     """Whether the inverter cannot give the leg voltages `need`, wherever the star point floats: some phase is limited."""
     return max(need.a, need.b, need.c) - min(need.a, need.b, need.c) > V_dc
-
-
-@kernel
-def step_impedance(per_h, R_j, L_j):
-    """1/y_j: voltage per change of current over a step, L_j/h + R_j/2 by the trapezoidal rule; R_j where the current settles
-    within the step (h*R_j/L_j > 2), as in `windings.damping`."""
-    return max(L_j * per_h + 0.5 * R_j, R_j)
 
 
 @kernel
@@ -89,7 +70,7 @@ def coupled(i, i_ref, e, phases, V_dc, h):
     hold, need, z = needs(i, i_ref, e, phases, 1.0 / h)
     limited = beyond(need, V_dc)
     if not limited:
-        return Driven(i_ref, _means(i, i_ref, phases, h), need, limited)
+        return Driven(i_ref, mean_currents(i, i_ref, phases, h), need, limited)
     y = Abc(1.0 / z.a, 1.0 / z.b, 1.0 / z.c)
     v = saturated_legs(need, y, hold, V_dc)
     v_n = star_point(Abc(v.a - hold.a, v.b - hold.b, v.c - hold.c), y, per_sum(y))
@@ -98,7 +79,7 @@ def coupled(i, i_ref, e, phases, V_dc, h):
         i.b + y.b * (v.b - v_n - hold.b),
         i.c + y.c * (v.c - v_n - hold.c),
     )
-    return Driven(i_new, _means(i, i_new, phases, h), v, limited)
+    return Driven(i_new, mean_currents(i, i_new, phases, h), v, limited)
 
 
 @kernel

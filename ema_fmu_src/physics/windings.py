@@ -36,11 +36,17 @@ class Star(NamedTuple):
 
 
 @kernel
-def star(N, R, R_on, L):
-    """The star with R_j = N_j*R + R_on and L_j = N_j^2*L."""
-    g = Abc(1.0 / (N.a * N.a * L), 1.0 / (N.b * N.b * L), 1.0 / (N.c * N.c * L))
-    R_j = Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on)
-    return Star(R_j, g, per_sum(g), max(R_j.a * g.a, R_j.b * g.b, R_j.c * g.c))
+def series(N, R, R_on, L):
+    """R_j = N_j*R + R_on and L_j = N_j^2*L."""
+    return Series(Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on), Abc(N.a * N.a * L, N.b * N.b * L, N.c * N.c * L))
+
+
+@kernel
+def star(phases):
+    """The phases connected in a star."""
+    R, L = phases
+    g = Abc(1.0 / L.a, 1.0 / L.b, 1.0 / L.c)
+    return Star(R, g, per_sum(g), max(R.a * g.a, R.b * g.b, R.c * g.c))
 
 
 @kernel
@@ -57,9 +63,21 @@ def mean_share(hR_j, L_j):
 
 
 @kernel
-def series(N, R, R_on, L):
-    """R_j = N_j*R + R_on and L_j = N_j^2*L."""
-    return Series(Abc(N.a * R + R_on, N.b * R + R_on, N.c * R + R_on), Abc(N.a * N.a * L, N.b * N.b * L, N.c * N.c * L))
+def mean_currents(i, i_new, phases, h):
+    """Mean currents of such a step h."""
+    R, L = phases
+    return Abc(
+        i.a + (i_new.a - i.a) * mean_share(h * R.a, L.a),
+        i.b + (i_new.b - i.b) * mean_share(h * R.b, L.b),
+        i.c + (i_new.c - i.c) * mean_share(h * R.c, L.c),
+    )
+
+
+@kernel
+def step_impedance(X_L, R_j):
+    """1/y_j: voltage per change of current over such a step, X_L + R_j/2 by the trapezoidal rule, X_L = L_j/h; R_j where the
+    current settles within the step."""
+    return max(X_L + 0.5 * R_j, R_j)
 
 
 @kernel

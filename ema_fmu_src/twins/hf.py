@@ -19,7 +19,7 @@ Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dy
 from typing import NamedTuple
 
 from ..physics import events, inverter, monitor, sensor, stability, voltage_limit, windings
-from ..physics.circuit import between, connect, damped, mean, mean_square, stopped_at_zero, toward
+from ..physics.circuit import connect, damped, mean, mean_square, stopped_at_zero, toward
 from ..physics.inverter import Leg
 from ..physics.jit import kernel
 from ..physics.modulator import hysteresis, reference
@@ -70,11 +70,11 @@ class Machine(NamedTuple):
     tau: float
     N: Abc
     field: windings.Field
+    phases: windings.Series
     star: windings.Star
     comparator: hysteresis.Comparator
     open_side: Abc
     offset: Abc
-    L: Abc
 
 
 class Sums(NamedTuple):
@@ -106,17 +106,18 @@ def _machine(v, x):
     tolerance = clamp(x[told.tolerance], FINEST, COARSEST) if x[told.tolerance] > 0.0 else MARGIN
     margin = tolerance * band if v[port.solver.event_located] != 0.0 else 0.0
     switch = v[port.fault.open_switch]
+    phases = windings.series(N, R, v[port.inverter.R_on], v[port.motor.L])
     return Machine(
         v[port.motor.p],
         R,
         v[port.monitor.tau],
         N,
         actuator.field(x),
-        windings.star(N, R, v[port.inverter.R_on], v[port.motor.L]),
+        phases,
+        windings.star(phases),
         hysteresis.Comparator(band, margin, v[port.inverter.dead_time]),
         Abc(inverter.open_side(switch, 0), inverter.open_side(switch, 1), inverter.open_side(switch, 2)),
         Abc(v[port.fault.current_offset_a], v[port.fault.current_offset_b], v[port.fault.current_offset_c]),
-        windings.series(N, R, v[port.inverter.R_on], v[port.motor.L]).L,
     )
 
 
@@ -202,7 +203,7 @@ def _midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
     if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
         i_new = stopped_at_zero(legs, m.open_side, circuit.is_live, i, i_new, g)
     if stiff:
-        i_mean = between(m.star, i, i_new, h)
+        i_mean = windings.mean_currents(i, i_new, m.phases, h)
     else:
         i_mean = Abc(mean(i.a, middle.a, i_new.a), mean(i.b, middle.b, i_new.b), mean(i.c, middle.c, i_new.c))
     sums = _sum_up(m, sums, circuit.rail, i, i_mean, i_new, s, c, h)
@@ -222,8 +223,9 @@ def _limited(m, ref, motion, i, V_dc, T_c):
     error = reference.errors(ref, s, c, i, m.offset)
     e = windings.back_emf(windings.back_emf_coefficients(m.N, m.field, s, c), motion.w)
     wanted = Abc(i.a + error.a, i.b + error.b, i.c + error.c)
-    per_h = min(1.0 / T_c, V_dc / (RIPPLES * m.comparator.band * max(m.L.a, m.L.b, m.L.c)))
-    _, need, _ = voltage_limit.needs(i, wanted, e, windings.Series(m.star.R, m.L), per_h)
+    L = m.phases.L
+    per_h = min(1.0 / T_c, V_dc / (RIPPLES * m.comparator.band * max(L.a, L.b, L.c)))
+    _, need, _ = voltage_limit.needs(i, wanted, e, m.phases, per_h)
     return voltage_limit.beyond(need, V_dc) or not inverter.live(V_dc)
 
 
@@ -245,7 +247,8 @@ def advance(v, x, t):
     m = _machine(v, x)
     located, longest = v[port.solver.event_located] != 0.0, x[clock.step]
     most_steps = MOST_STEPS * max(1.0, T_c / 1e-4) + 2.0 * T_c / longest
-    most_voltage = m.comparator.band * min(m.L.a, m.L.b, m.L.c) / longest
+    L = m.phases.L
+    most_voltage = m.comparator.band * min(L.a, L.b, L.c) / longest
     close = host.CLOSE * longest
     motion, i, legs, sums = _read(x)
     elapsed = x[clock.offset]

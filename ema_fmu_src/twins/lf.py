@@ -47,11 +47,11 @@ def _publish(v, x, t):
 @kernel
 def initialize(v, x):
     """Start at time 0; returns a Status."""
-    K_e, J, step = v[port.motor.K_e], v[port.mechanics.J], v[port.solver.step]
-    longest = stability.for_currents(step, K_e, J, 0.0, v[port.motor.L])
+    K_e, J = v[port.motor.K_e], v[port.mechanics.J]
+    longest = stability.for_currents(v[port.solver.step], K_e, J, 0.0, v[port.motor.L])
     longest = stability.for_loop(longest, 1.5 * K_e * v[port.controller.K_p] / J, single_phase.TAU)
     longest = stability.for_loop(longest, MOST_GAIN * v[port.controller.K_pos], stability.SHORTEST)
-    status = actuator.start(v, x, min(step, longest), longest, N_STATES)
+    status = actuator.start(v, x, longest, longest, N_STATES)
     return _publish(v, x, 0.0) if status == Status.OK else status
 
 

@@ -120,7 +120,9 @@ class Twin(Component):
             if port.name in inputs:
                 attributes = {"units": port.unit, "long_name": port.description}
                 data[port.name] = ("time", inputs[port.name][: len(values)], attributes)
-        for column, port in enumerate(outputs):
+        columns = {port.name: column for column, port in enumerate(outputs)}
+        for port in sorted(outputs, key=lambda port: ports.INDEX[port.name]):  # columns of files stay where they were
+            column = columns[port.name]
             series = values[:, column].astype(bool) if port.kind == "Boolean" else values[:, column]
             data[port.name] = ("time", series, {"units": port.unit, "long_name": port.description})
         times = trial.time[: len(values)]
