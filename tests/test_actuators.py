@@ -41,6 +41,7 @@ description = "a worked example"
 "mechanics.J" = "600 g.cm2 +- 5 %"
 mechanics.end_stop = "60 mm +- 0.02 mm"
 gear.backlash = "0,01 mm"
+gear.ratio = 5.3
 fault.open_switch = "a_upper"
 driver.coupled_saturation = true
 [sheet]
@@ -95,6 +96,7 @@ def test_a_file_is_read_as_it_is_meant(worked: Path) -> None:
         "mechanics.J": 600e-7,
         "mechanics.end_stop": 0.06 / TRAVEL,
         "gear.backlash": 1e-5 / TRAVEL,
+        "gear.ratio": 5.3,
         "fault.open_switch": 1.0,
         "driver.coupled_saturation": 1.0,
         "motor.R": 0.08,

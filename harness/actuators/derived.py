@@ -39,6 +39,8 @@ def derived(actuator: Actuator) -> list[Derived]:
         Derived("electrical time constant", actuator.value("motor.L") / R, "s", "L/R"),
         Derived("mechanical time constant", actuator.value("mechanics.J") * R / (K_t * K_e), "s", "J*R/(K_t*K_e)"),
     ]
+    if gain := K_t * actuator.value("controller.K_p") * actuator.value("controller.period") / actuator.value("mechanics.J"):
+        found.append(Derived("gain of the sampled speed loop", gain, "1", "K_t*K_p*period/J; 2 and more is unstable"))
     return [*found, *_at_the_output(actuator, w_0 / G, G * actuator.value("gear.eta_opposing") * max(0.0, T_i - T_c))]
 
 
