@@ -7,7 +7,6 @@ from ema_fmu_src.fidelities import Fidelity
 from harness.errors import HarnessError, unknown
 from harness.units import quantity, split
 
-
 PORTS = "'ema ports' lists all"
 
 

@@ -19,7 +19,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*
 _FACTOR = re.compile(r"\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+(\S.*)", re.DOTALL)
 _TWO_WAYS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 _SIGNS = {
-    "°C": "degC", "º": "°", "˚": "°", "°F": "degF", "°": "deg", "Ω": "ohm", "Ω": "ohm", "µ": "u", "μ": "u",
+    "°C": "degC", "º": "°", "˚": "°", "°F": "degF", "°": "deg", "\u03a9": "ohm", "\u2126": "ohm", "µ": "u", "μ": "u",
     "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "‰": "permille", "%": "percent",
 }  # fmt: skip
 _UNKNOWN = {
@@ -103,8 +103,8 @@ def _quantity(value: float, unit: str) -> "pint.Quantity":  # type: ignore[type-
     return _registry().Quantity(value, _spelled(unit))
 
 
-def _dimensions(unit: str) -> dict[str, float]:
-    return {str(name): float(power) for name, power in _quantity(1.0, unit).dimensionality.items()}
+def _dimensions(unit: str) -> dict[str, object]:
+    return {str(name): power for name, power in _quantity(1.0, unit).dimensionality.items()}
 
 
 def _spelled(unit: str) -> str:

@@ -32,8 +32,8 @@ WORDS: dict[str, str] = {
     "travel_constant": "rad/m",
 }
 """Word -> unit of a number without one. Resistance, inductance and speed constant are line to line; the torque constant is
-over the equivalent current; gear_inertia is seen from the motor; the travel constant is the motor's angle over the rod's travel,
-gear and screw together."""
+over the equivalent current; gear_inertia is seen from the motor; the travel constant is the motor's angle over the
+rod's travel, gear and screw together."""
 MAY_BE_ZERO = ("no_load_current", "coulomb_friction", "viscous_friction", "gear_inertia")
 CLOSE = 0.05
 """Relative difference that contradicts."""

@@ -161,6 +161,6 @@ def small(trials: "list[Trial]", actuator: "Actuator") -> list[str]:
         return []
     reached, travel = (1e3 * value * actuator.output.scale("position") for value in (max(largest.values()), stop))
     return [
-        f"{', '.join(largest)}: angles of a rotary actuator, here at most {reached:.2g} mm of {travel:.3g} mm to the end stop; "
-        "a --trial-file says more"
+        f"{', '.join(largest)}: angles of a rotary actuator, here at most {reached:.2g} mm of {travel:.3g} mm to the end "
+        "stop; a --trial-file says more"
     ]

@@ -31,9 +31,10 @@ def read_trial(
     """A trial from a file: time [s], command [rad], optionally load_torque [N.m], supply_voltage [V]; any format and unit.
 
     `columns`: port -> `COLUMN [unit] words`, as for logs; else columns are taken by the ports' names. `output`: what moves
-    at the user's side. `log`: an actuator's `[log]`; it holds for a file whose columns do not bear the names time and command,
-    and `columns` win over it. Between the rows the command is interpolated linearly onto the communication grid, or held if its
-    words say so. Columns that are a run's outputs are left out; others are refused, unless `columns` are stated.
+    at the user's side. `log`: an actuator's `[log]`; it holds for a file whose columns do not bear the names time and
+    command, and `columns` win over it. Between the rows the command is interpolated linearly onto the communication grid,
+    or held if its words say so. Columns that are a run's outputs are left out; others are refused, unless `columns` are
+    stated.
     HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
     """
     table = read_table(path)
