@@ -66,7 +66,7 @@ def split(text: str, target: str, where: str) -> tuple[float, str]:
     the unit of the example that is given.
     """
     match = _NUMBER.fullmatch(text)
-    if not match or re.match(r"(?!1/)[\d.,'+]", match[2]):
+    if not match or re.match(r"(?!1(?:/|\s*$))[\d.,'+]", match[2]):
         raise HarnessError(f"{where}: '{text}' is not a number with a unit, such as '{f'1 {target}'.strip()}'")
     if _TWO_WAYS.fullmatch(match[1]):
         plain, decimal = match[1].replace(",", ""), match[1].replace(",", ".")
