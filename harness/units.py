@@ -18,6 +18,7 @@ _ALSO = {"N.m.s/rad": "N.m.s", "1/s": "rad/s"}
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 _FACTOR = re.compile(r"\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+(\S.*)", re.DOTALL)
 _TWO_WAYS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+_TURNS_A_MINUTE = re.compile(r"\b(?:Upm|(?:U|Umdr|Umdrehungen|r|tr)\.?\s*(?:/\s*[Mm]in\b\.?|[Mm]in\^?-1))")
 _SIGNS = {
     "°C": "degC", "º": "°", "˚": "°", "°F": "degF", "°": "deg", "\u03a9": "ohm", "\u2126": "ohm", "µ": "u", "μ": "u",
     "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "‰": "permille", "%": "percent",
@@ -114,7 +115,7 @@ def _spelled(unit: str) -> str:
         return "dimensionless"
     for sign, meant in _SIGNS.items():
         text = text.replace(sign, meant)
-    text = re.sub(r"\b(?:U|Umdr|r|tr)\.?/min\b", "rpm", text)
+    text = _TURNS_A_MINUTE.sub("rpm", text)
     text = re.sub(r"/\s*1000\s*rpm\b", "/krpm", text)
     text = re.sub(r"\b(k?g)(c?m|mm)\^?2\b", r"\1*\2**2", text)
     text = re.sub(r"(?<=[A-Za-z])-(?=[A-Za-z])", "*", text)

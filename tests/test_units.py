@@ -23,6 +23,9 @@ CONVERTED = {
     ("mm/rad", "m/turn"): 2e-3 * math.pi,
     ("RPM", "rad/s"): RPM,
     ("U/min", "rad/s"): RPM,
+    ("Upm", "rad/s"): RPM,
+    ("Umdr. / Min", "rad/s"): RPM,
+    ("U min^-1", "rad/s"): RPM,
     ("rps", "rad/s"): 2.0 * math.pi,
     ("Nm", "N.m"): 1.0,
     ("mNm", "N.m"): 1e-3,
@@ -75,6 +78,7 @@ REFUSED = {
     ("mm/s", "rad/s"): r"for a linear actuator, state \[output\] lead",
     ("NM", "N.m"): r"not a known unit",
     ("nmi", "N.m"): r"not a known unit",
+    ("Mrad", "rad"): r"not a known unit",
     ("MA", "A"): r"not a known unit",
     ("9**9**9**9", "m"): r"not a known unit",
 }
