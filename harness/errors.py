@@ -9,13 +9,22 @@ class HarnessError(Exception):
     """Bad input, or an FMU that cannot be flown; the command line prints the message and exits with 2."""
 
 
-def unknown(what: str, name: str, choices: Iterable[str]) -> HarnessError:
-    """The error for an unknown name, with the nearest of `choices`; `what` is the kind of name."""
+MOST_LISTED = 24
+"""Names that a message lists."""
+
+
+def unknown(what: str, name: str, choices: Iterable[str], *, listed: str = "") -> HarnessError:
+    """The error for an unknown name, with the nearest of `choices`; `what` is the kind of name.
+
+    `listed`: what lists all of them; else they are in the message, at most MOST_LISTED.
+    """
     known = list(choices)
     lowered = {choice.lower(): choice for choice in known}
     nearest = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
     hint = f"did you mean {lowered[nearest[0]]}? " if nearest else ""
-    listed = f"known: {', '.join(known)}" if len(known) <= 12 else "'ema ports' lists all"
+    if not listed or len(known) <= MOST_LISTED // 2:
+        more = f", and {len(known) - MOST_LISTED} more" if len(known) > MOST_LISTED else ""
+        listed = f"known: {', '.join(known[:MOST_LISTED])}{more}"
     return HarnessError(f"unknown {what} '{name}': {hint}{listed}")
 
 

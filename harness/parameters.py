@@ -5,6 +5,9 @@ from collections.abc import Mapping
 from ema_fmu_src import ports
 from ema_fmu_src.fidelities import Fidelity
 from harness.errors import HarnessError, unknown
+from harness.units import quantity, split
+
+PORTS = "'ema ports' lists all"
 
 
 def merged(fidelity: Fidelity, given: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -19,8 +22,9 @@ def parse_settings(settings: list[str]) -> dict[str, float]:
     """Parameters from texts NAME=VALUE, checked against the ports.
 
     The inputs load_torque and supply_voltage are accepted too: they hold that value where the trial gives none.
-    An Enumeration takes its value or the name of an item. HarnessError for an unknown name, a text that is not a number, or
-    a value out of range.
+    A value may have a unit: `controller.speed_limit=6000 rpm`. An Enumeration takes its value or the name of an item.
+    HarnessError for an unknown name, a text that is not a number, a unit that measures something else, or a value out of
+    range.
     """
     values: dict[str, float] = {}
     for setting in settings:
@@ -50,10 +54,24 @@ def _parsed(variable: ports.Variable, text: str, where: str) -> float:
     try:
         if text.lower() in words or variable.kind == "Boolean":
             return float(words[text.lower()])
-        return float(text)
+        if variable.items:
+            return float(text)
     except (KeyError, ValueError):
         wanted = "true or false" if variable.kind == "Boolean" else " or ".join(["a number", *words])
         raise HarnessError(f"{where}: '{text}' is not {wanted}") from None
+    try:
+        return float(text)
+    except ValueError:
+        check_unit(variable, text, where)
+        return quantity(text, variable.unit, where)
+
+
+def check_unit(variable: ports.Variable, text: str, where: str) -> None:
+    """HarnessError, beginning with `where`, if `text` gives what is no fraction, such as pole pairs, in % or the like."""
+    if variable.unit == "1" and (variable.kind == "Integer" or (variable.minimum or 0.0) >= 1.0):
+        unit = split(text, "", where)[1]
+        if unit not in ("", "-", "1"):
+            raise HarnessError(f"{where}: '{text}': {variable.name} is a plain number, not one in {unit}")
 
 
 def settable(name: str, where: str) -> ports.Variable:
@@ -65,7 +83,7 @@ def settable(name: str, where: str) -> ports.Variable:
     if name not in known:
         if name in ports.INDEX:
             raise HarnessError(f"{where}: {name} is not a parameter; trials give the command, FMUs the outputs")
-        raise unknown("parameter", name, known)
+        raise unknown("parameter", name, known, listed=PORTS)
     return known[name]
 
 

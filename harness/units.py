@@ -1,57 +1,77 @@
 """Quantities with units, as users write them (`600 g.cm2`, `135 rpm/V`, `-4,5 mm`), in the unit that is needed.
 
-By pint. A dot or a middle dot between units multiplies, a number behind a unit is its power, as on data sheets.
+By pint, with the units of units.txt. A dot or a middle dot between units multiplies, a number behind a unit is its power,
+and Nm, mNm/A, gcm2, U/min are read as on data sheets. Angles, counts and periods are dimensions: what becomes rad is an
+angle, what becomes rad/s an angle over a time; a count, a ratio or a frequency is refused with a word on what to write.
 """
 
 import re
 from functools import cache
+from pathlib import Path
 
 import pint
 
 from harness.errors import HarnessError
 
-PERIODS = re.compile(r"\b[kMG]?hz\b|\bhertz\b", re.IGNORECASE)
-_PER_MINUTE = re.compile(r"(?<![A-Za-z])min(?:ute)?(?![A-Za-z])", re.IGNORECASE)
-_ANGLES = re.compile(r"rad|deg|°|rpm|rev|turn", re.IGNORECASE)
+_ALSO = {"N.m.s/rad": "N.m.s", "1/s": "rad/s"}
+"""Unit -> one that is the same without its radian, or with one, and is as usual."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
+_FACTOR = re.compile(r"\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+(\S.*)", re.DOTALL)
+_TWO_WAYS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+_TURNS_A_MINUTE = re.compile(r"\b(?:Upm|(?:U|Umdr|Umdrehungen|r|tr)\.?\s*(?:/\s*[Mm]in\b\.?|[Mm]in\^?-1))")
+_SIGNS = {
+    "°C": "degC", "º": "°", "˚": "°", "°F": "degF", "°": "deg", "\u03a9": "ohm", "\u2126": "ohm", "µ": "u", "μ": "u",
+    "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "‰": "permille", "%": "percent",
+}  # fmt: skip
+_UNKNOWN = {
+    r"[gG]rad": "write deg, or gon for 400 a turn",
+    r"[ck]ps|[ck]pr": "counts or cycles? write rps, rad/s or deg/s, or what one count is, such as [0.01 deg/s]",
+    r"[mk]?[AV] ?[rR][mM][sS]|[mk]?[AV]eff": "a root mean square: write the amplitude, sqrt(2) times it, in A or V",
+    r"k?gf?[.*]?c?m": "write kgf.cm for a torque",
+    r"ozin": "write ozf.in for a torque",
+    r"(lb|in)(in|ft|lb)": "write lbf.in or lbf.ft for a torque",
+}
+"""Spellings that mean several things, or are no unit here -> what to write."""
 
 
 @cache
 def _registry() -> pint.UnitRegistry:
-    registry: pint.UnitRegistry = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
-    registry.define("Ohm = ohm")
-    return registry
+    return pint.UnitRegistry(str(Path(__file__).with_name("units.txt")), autoconvert_offset_to_baseunit=True)
 
 
 @cache
 def conversion(unit: str, target: str, where: str) -> tuple[float, float]:
     """(scale, offset): a value in `unit`, times scale, plus offset, is the value in `target`.
 
-    An empty unit, "-" and "1" are dimensionless. HarnessError, beginning with `where`, for a unit that is unknown or
-    measures something else; a frequency in Hz is no angular speed: it is off by 2*pi, and refused.
+    `unit` may have a number before it, such as `0.01 deg`; empty, "-" and "1" are dimensionless. HarnessError, beginning
+    with `where` and ending with what to write, for a unit that is unknown or measures something else.
     """
-    if bool(PERIODS.search(unit)) != bool(PERIODS.search(target)) and "rad" in unit + target:
-        raise HarnessError(f"{where}: [{unit}] counts periods, [{target}] radians; 1 Hz is 6.2832 rad/s, convert it first")
-    if _PER_MINUTE.search(unit) and not _ANGLES.search(unit) and "rad" in target:
-        raise HarnessError(f"{where}: [{unit}] counts turns a minute, [{target}] radians; write rpm for 1/min")
-    registry = _registry()
-    try:
-        zero, one = (registry.Quantity(value, _spelled(unit)).to(_spelled(target)).magnitude for value in (0.0, 1.0))
-    except pint.DimensionalityError:
-        raise HarnessError(f"{where}: [{unit}] does not measure what [{target}] does") from None
-    except Exception as error:  # noqa: BLE001 (pint passes on what its tokenizer raises)
-        raise HarnessError(f"{where}: '{unit}' is not a known unit ({error}); such as {target or '%'}") from None
-    return float(one) - float(zero), float(zero)
+    match = _FACTOR.fullmatch(unit)
+    factor, bare = (float(match[1]), match[2]) if match else (1.0, unit)
+    for aim in (target, _ALSO.get(target, target)):
+        try:
+            zero, one = (_quantity(value, bare).to(_spelled(aim)).magnitude for value in (0.0, 1.0))
+        except pint.DimensionalityError:
+            continue
+        except Exception:  # noqa: BLE001 (pint passes on what its tokenizer raises)
+            advice = _advice_on(bare) or f"write one such as {target or '%'}"
+            raise HarnessError(f"{where}: '{bare}' is not a known unit; {advice}") from None
+        return factor * (float(one) - float(zero)), float(zero)
+    raise HarnessError(f"{where}: {_mismatch(unit, bare, target)}")
 
 
 def split(text: str, target: str, where: str) -> tuple[float, str]:
     """The number of `text`, and the unit behind it as written, "" if there is none.
 
-    HarnessError, beginning with `where`, if it begins with no number; `target` is the unit of the example that is given.
+    HarnessError, beginning with `where`, if it begins with no number, or with one that can be read in two ways; `target` is
+    the unit of the example that is given.
     """
     match = _NUMBER.fullmatch(text)
-    if not match:
+    if not match or re.match(r"(?!1(?:/|\s*$))[\d.,'+]", match[2]):
         raise HarnessError(f"{where}: '{text}' is not a number with a unit, such as '{f'1 {target}'.strip()}'")
+    if _TWO_WAYS.fullmatch(match[1]):
+        plain, decimal = match[1].replace(",", ""), match[1].replace(",", ".")
+        raise HarnessError(f"{where}: '{text}' may have thousands or decimals behind its comma; write {plain} or {decimal}")
     return float(match[1].replace(",", ".")), match[2].strip()
 
 
@@ -67,21 +87,71 @@ def quantity(text: str, target: str, where: str) -> float:
     return value * scale + offset
 
 
-def _spelled(unit: str) -> str:
-    """The unit as pint reads it."""
-    if unit.strip() in ("", "-", "1"):
-        return "dimensionless"
-    text = unit.strip().replace("Ω", "ohm").replace("µ", "u").replace("μ", "u").replace("²", "2").replace("³", "3")
-    text = text.replace("°C", "degC").replace("°", "deg").replace("%", "percent")
-    text = re.sub(r"(?<=[A-Za-z0-9)])\s*[.·⋅*]\s*(?=[A-Za-z(])", "*", text)
-    return re.sub(r"(?<=[A-Za-z])\^?(-?\d+)", r"**\1", text)
-
-
 @cache
 def is_unit(text: str) -> bool:
-    """Whether `text` names a unit, such as `mm/s` or `%`."""
-    try:
-        _registry().parse_units(_spelled(text).replace("dimensionless", ""))
-    except Exception:  # noqa: BLE001 (pint passes on what its tokenizer raises)
+    """Whether `text` names a unit, such as `mm/s` or `%`; also one that `conversion` refuses with advice, such as `Arms`."""
+    bare = text.strip()
+    if bare in ("", "-", "1"):
         return False
-    return bool(text.strip())
+    try:
+        _registry().parse_units(_spelled(bare))
+    except Exception:  # noqa: BLE001 (pint passes on what its tokenizer raises)
+        return bool(_advice_on(bare))
+    return True
+
+
+def _quantity(value: float, unit: str) -> "pint.Quantity":  # type: ignore[type-arg]
+    return _registry().Quantity(value, _spelled(unit))
+
+
+def _dimensions(unit: str) -> dict[str, object]:
+    return {str(name): power for name, power in _quantity(1.0, unit).dimensionality.items()}
+
+
+def _spelled(unit: str) -> str:
+    """The unit as pint reads it; ValueError for a tower of powers, which would be computed for ever."""
+    text = unit.strip()
+    if text in ("", "-", "1"):
+        return "dimensionless"
+    for sign, meant in _SIGNS.items():
+        text = text.replace(sign, meant)
+    text = _TURNS_A_MINUTE.sub("rpm", text)
+    text = re.sub(r"/\s*1000\s*rpm\b", "/krpm", text)
+    text = re.sub(r"\b(k?g)(c?m|mm)\^?2\b", r"\1*\2**2", text)
+    text = re.sub(r"(?<=[A-Za-z])-(?=[A-Za-z])", "*", text)
+    text = re.sub(r"(?<=[A-Za-z0-9)])\s*[.·⋅*]\s*(?=[A-Za-z(])", "*", text)
+    text = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)", r"**\1", text)
+    if len(text) > 80 or re.search(r"[\d)]\s*(\*\*|\^)|(\*\*|\^)\s*\(", text):
+        raise ValueError(text)
+    return text
+
+
+def _advice_on(unit: str) -> str:
+    return next((advice for pattern, advice in _UNKNOWN.items() if re.fullmatch(pattern, unit.strip())), "")
+
+
+def _mismatch(unit: str, bare: str, target: str) -> str:
+    """What is wrong with a unit that measures something else than `target`, and what would do."""
+    of = _dimensions(bare)
+    missing = _dimensions(target)
+    angle = missing.get("[angle]", 0) != 0
+    if "[period]" in of:
+        return f"[{unit}] counts periods, not what [{target}] does; 1 Hz is 6.2832 rad/s, convert it first"
+    if target == "rad" and (not of or "[count]" in of):
+        return f"[{unit}] is no angle, [{target}] is needed; state what one of it is, such as [0.01 deg]"
+    if "[count]" in of and target in ("", "1"):
+        return f"[{unit}] counts; a number without a unit is needed, or one in %"
+    if "[count]" in of:
+        return f"[{unit}] counts, [{target}] is needed; state what one of it is, such as [0.01 {target}]"
+    told = f"[{unit}] does not measure what [{target}] does"
+    without = {name: power for name, power in missing.items() if name != "[angle]"}
+    if {name: power for name, power in of.items() if name != "[angle]"} == without:
+        if angle and "min" in bare:
+            return f"{told}: is it turns a minute? write rpm for 1/min"
+        return f"{told}: {'an angle is missing in it' if angle else 'there is an angle in it'}"
+    if target.startswith("rad") and of == {"[length]": 1, **without}:
+        return f"{told}; for a linear actuator, state [output] lead in its file"
+    weights = re.sub(r"(?<![A-Za-z])(kg|g|oz|lb)(?![A-Za-z])", r"\1f", bare)
+    if weights != bare and _dimensions(weights) == missing:
+        return f"{told}; for weights write {weights}"
+    return told

@@ -41,6 +41,7 @@ description = "a worked example"
 "mechanics.J" = "600 g.cm2 +- 5 %"
 mechanics.end_stop = "60 mm +- 0.02 mm"
 gear.backlash = "0,01 mm"
+gear.ratio = 5.3
 fault.open_switch = "a_upper"
 driver.coupled_saturation = true
 [sheet]
@@ -95,6 +96,7 @@ def test_a_file_is_read_as_it_is_meant(worked: Path) -> None:
         "mechanics.J": 600e-7,
         "mechanics.end_stop": 0.06 / TRAVEL,
         "gear.backlash": 1e-5 / TRAVEL,
+        "gear.ratio": 5.3,
         "fault.open_switch": 1.0,
         "driver.coupled_saturation": 1.0,
         "motor.R": 0.08,
@@ -173,6 +175,20 @@ BAD = {
     '[calibration]\nvalues = {"mechanics.C" = 1e-4}\ncovariance = [[1, 2]]': r"1 rows of 1 numbers are needed",
     '[calibration]\nvalues = {"mechanics.C" = 1e-4}\ncovariance = [[-1]]': r"no negative number on its diagonal",
     '[provenance.sources]\n"motor.X" = "page 3"': r"unknown key in .*sources\]: 'motor.X'",
+    '[parameters]\n"controller.speed_limit" = "6,480 rpm"': r"thousands or decimals behind its comma; write 6480 or 6.480",
+    '[parameters]\n"motor.p" = "800 %"': r"motor.p is a plain number, not one in %",
+    '[parameters]\n"gear.ratio" = "50 counts"': r"gear.ratio is a plain number, not one in counts",
+    '[sheet]\npole_pairs = "800 %"': r"motor.p is a plain number",
+    '[sheet]\ntravel_constant = "6669 rad/m"': r"travel_constant: \[output\] lead is needed beside it",
+    '[parameters]\n"motor.K_e" = "0.07 Nm/A"': r"an angle is missing in it",
+    '[parameters]\n"motor.R" = 1' + 400 * "0": r"motor.R: a whole number of 401 digits is too large",
+    "[sheet]\npole_pairs = 1" + 400 * "0": r"pole_pairs: a whole number of 401 digits is too large",
+    "[sheet]\npole_pairs = 1" + 5000 * "0": r"is not TOML: Exceeds the limit",
+    '[parameters]\nmotor.R = 1\n"motor.R" = 2': r"\[parameters\] motor.R: it is there twice, with and without quotes",
+    '[calibration]\nnames = ["motor.r"]\nvalues = {"motor.R" = 1}': r"'motor.r': did you mean motor.R",
+    '[calibration]\nnames = ["motor.R", "motor.R"]\nvalues = {"motor.R" = 1}': r"names: motor.R is there twice",
+    '[calibration]\nnames = ["bench.x"]\nvalues = {"motor.R" = 1}': r"names: motor.R is missing",
+    '[calibration]\nnames = ["motor.R", "x"]\nvalues = {"motor.R" = 1}\ncovariance = [[1, 2], [2, 1]]': r"vary less",
     "name = 3": r"name: a text is needed, not 3",
     "parameters = 3": r"parameters: a table \[parameters\] is needed, not 3",
     "[parameters": r"is not TOML",
@@ -246,6 +262,48 @@ def test_calibrated_values_win_over_all(tmp_path: Path) -> None:
     assert found.tolerances["motor.R"] == pytest.approx(1.96 * 0.01)
 
 
+def test_without_a_no_load_speed_all_is_coulomb_friction(tmp_path: Path) -> None:
+    """K_t*I_0 = 0.05 N.m is T_coulomb, whatever is stated of viscous friction; a T_coulomb above it contradicts it."""
+    words = "torque_constant = 0.1\nno_load_current = 0.5"
+    found = sheet(tmp_path, f"{words}\nviscous_friction = 1e-4")
+    assert found.parameters["mechanics.T_coulomb"] == pytest.approx(0.05) and not found.warnings
+    found = sheet(tmp_path, f'{words}\ncoulomb_friction = "10 N.m"')
+    assert len(found.warnings) == 1 and "friction at no load is at least T_coulomb, 10 N.m" in found.warnings[0]
+
+
+def test_a_linear_actuator_is_no_rotary_one(tmp_path: Path) -> None:
+    """A travel constant of 6669 rad/m at a lead of 5 mm is a ratio of 6669*0.005/(2*pi); what is left rotary is named."""
+    lead = '[output]\nlead = "5 mm"\n'
+    found = read_actuator(str(written(tmp_path, lead)))
+    assert [line.partition(" ")[0] for line in found.warnings] == ["gear.ratio", "mechanics.end_stop"]
+    text = f'{lead}[sheet]\ntravel_constant = "6669 rad/m"\n[parameters]\nmechanics.end_stop = "50 mm"\n'
+    found = read_actuator(str(written(tmp_path, text)))
+    assert found.parameters["gear.ratio"] == pytest.approx(6669 * TRAVEL, rel=1e-12) and not found.warnings
+    assert found.origins["gear.ratio"].startswith("k_x*lead/(2*pi) = 6669*0.005/(2*pi)")
+
+
+@pytest.mark.parametrize(
+    ("lead", "metres"),
+    [('"5 mm/turn"', 5e-3), ('"5 mm/revolution"', 5e-3), ('"5 mm"', 5e-3), ("0.005", 5e-3), ('"5 mm/rad"', 0.01 * math.pi)],
+)
+def test_a_lead_is_a_travel_a_turn(tmp_path: Path, lead: str, metres: float) -> None:
+    found = read_actuator(str(written(tmp_path, f"[output]\nlead = {lead}\n")))
+    assert found.output.lead == pytest.approx(metres, rel=1e-12)
+
+
+def test_what_is_hardly_meant_is_named(tmp_path: Path) -> None:
+    stated_well = '[parameters]\ngear.ratio = 5\nmechanics.end_stop = "9 rad"\n'
+    found = read_actuator(str(written(tmp_path, f"{stated_well}[output]\nlead = 5\n")))
+    assert len(found.warnings) == 1 and "lead 5 m a turn" in found.warnings[0]
+    found = read_actuator(str(written(tmp_path, '[parameters]\ncontroller.K_p = "80 A.s/rad"\n')))
+    assert len(found.warnings) == 1 and "the sampled speed loop is unstable from 2 on" in found.warnings[0]
+
+
+def test_a_file_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_bytes(b"\xef\xbb\xbf[parameters]\nmotor.R = 2\n")
+    assert read_actuator(str(tmp_path / "mine.toml")).parameters == {"motor.R": 2.0}
+
+
 # --- the border ---------------------------------------------------------------------------------------------------------
 
 
@@ -291,6 +349,76 @@ def test_a_linear_actuator_is_in_metres_outside(
     assert json.loads((tmp_path / "run.json").read_text())["actuator"] == actuator.identity
     page = (tmp_path / "report.html").read_text()
     assert "Position [m]" in page and "Actuator <b>mine</b>: a worked example" in page
+
+
+LAYOUTS = {
+    'position = "2 bogus [mm]"': None,  # a column may be named so
+    'position = "2 [mm] bogus"': "\\[log\\] position: 'bogus' says nothing of position",
+    'time = "1 [furlong]"': "\\[log\\] time: 'furlong' is not a known unit",
+    'time = "1 [mm]"': "\\[log\\] time: .mm. does not measure what .s. does",
+    'position = "2 [counts]"': "\\[log\\] position: .counts. is no angle",
+    'position = "2 [mm]"': "\\[log\\] position: .mm. does not measure what .rad. does",
+    'motor_torque = "2"': "\\[log\\] motor_torque: unknown|unknown port in .*motor_torque",
+}
+
+
+@pytest.mark.parametrize("line", LAYOUTS)
+def test_a_layout_that_no_log_can_be_read_by_is_refused_at_once(tmp_path: Path, line: str) -> None:
+    from harness.cli.options import chosen_actuator
+
+    lead = '[output]\nlead = "5 mm"\n' if LAYOUTS[line] is None else ""
+    path = written(tmp_path, f"{lead}[log]\n{line}\n")
+    if LAYOUTS[line] is None:
+        assert chosen_actuator(str(path)).log
+        return
+    with pytest.raises(HarnessError, match=LAYOUTS[line]):
+        chosen_actuator(str(path))
+
+
+def test_a_layout_holds_for_trial_files_without_names(tmp_path: Path) -> None:
+    """The same trial, as a logger writes it and by name."""
+    from harness.cli.options import chosen_trials
+
+    time = np.linspace(0.0, 0.1, 11)
+    log = {"time": "1 [ms]", "command": "2 [deg]", "position": "3 [deg]"}
+    actuator = Actuator("mine", log=log)
+    rows = "\n".join(f"{1e3 * t:.9g},{math.degrees(0.1 * t):.12g},7" for t in time)
+    found = chosen_trials(None, written(tmp_path, f"t,soll,ist\n{rows}\n", "logged.csv"), actuator)[0]
+    np.testing.assert_allclose(found.inputs["command"], 0.1 * found.time, atol=1e-9)
+    rows = "\n".join(f"{t:.9g},{0.1 * t:.12g}" for t in time)
+    named = chosen_trials(None, written(tmp_path, f"time,command\n{rows}\n", "named.csv"), actuator)[0]
+    np.testing.assert_allclose(named.inputs["command"], found.inputs["command"], atol=1e-9)
+
+
+def test_a_setting_may_have_a_unit() -> None:
+    from harness.parameters import parse_settings
+
+    assert parse_settings(["controller.speed_limit=6000 rpm"]) == {"controller.speed_limit": pytest.approx(6000 * RPM)}
+    assert parse_settings(["fault.N_a=90 %", "motor.p=8"]) == {"fault.N_a": pytest.approx(0.9), "motor.p": 8.0}
+    for text, told in (
+        ("controller.speed_limit=100 Hz", "counts periods"),
+        ("motor.p=800 %", "is a plain number"),
+        ("motor.R=one", "'one' is not a number"),
+        ("motor.R=1,234", "behind its comma"),
+    ):
+        with pytest.raises(HarnessError, match=f"--set {text}: .*{told}"):
+            parse_settings([text])
+
+
+def test_an_unknown_word_is_told_the_words(tmp_path: Path) -> None:
+    with pytest.raises(HarnessError, match=r"known: terminal_resistance, .*travel_constant"):
+        read_actuator(str(written(tmp_path, "[sheet]\nxyz = 1\n")))
+    with pytest.raises(HarnessError, match="'ema ports' lists all"):
+        read_actuator(str(written(tmp_path, "[parameters]\nxyz = 1\n")))
+
+
+def test_a_built_in_trial_that_hardly_moves_a_rod_is_named() -> None:
+    from harness.cli.options import small
+    from harness.trials import trial
+
+    told = small([trial("SIN")], read_actuator("maxon-linear-a"))
+    assert len(told) == 1 and "at most 0.08 mm of 50 mm" in told[0]  # 0.1 rad of a lead of 5 mm
+    assert small([trial("SIN")], DEFAULT) == []
 
 
 def test_the_command_line_wins_over_the_actuator() -> None:
@@ -453,6 +581,8 @@ def test_show_prints_values_origins_and_flights(
     code = ema(monkeypatch, "actuator", "show", worked, "--fmus", fmus["HF"].parent, "--json", tmp_path / "show.json")
     told = capsys.readouterr()
     assert code == 0
+    assert "fault.zeta" not in told.out and "fault.open_switch" in told.out  # a fault only where it is stated
+    assert "gain of the sampled speed loop" in told.out
     assert "R_tt/2 = 0.16/2 = 0.08 Ohm; page 3" in told.out and "rad (0.06 m)" in told.out
     assert told.err.startswith("warning: torque constant 0.0706 N.m/A and 1/k_n")
     found = json.loads((tmp_path / "show.json").read_text())

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.actuators.values import Stated, stated_for
 from harness.errors import HarnessError, unknown
@@ -13,6 +14,7 @@ from harness.files.toml import flat
 from harness.parameters import settable
 
 KEYS = ("names", "values", "covariance", "nuisances", "files", "date", "by", "remarks")
+KINDS = {port.name.partition(".")[0] for port in ports.PARAMETERS}
 WIDTH = 1.96
 """Standard deviations from the middle of a 95 % interval to its ends."""
 
@@ -31,11 +33,12 @@ def read_calibration(table: Mapping[str, Any], where: str) -> dict[str, Stated]:
         raise HarnessError(f"{where} values: a table of ports is needed, not {values!r}")
     found = {
         name: stated_for(settable(name, f"{where} {name}"), value, Output(), f"{where} {name}")
-        for name, value in flat(values).items()
+        for name, value in flat(values, f"{where} values").items()
     }
     names = table.get("names", list(found))
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise HarnessError(f"{where} names: a list of names is needed, not {names!r}")
+    _check_names(names, found, where)
     if "covariance" not in table:
         return found
     sigmas = dict(zip(names, np.sqrt(np.diag(_covariance(table["covariance"], len(names), where))), strict=True))
@@ -45,14 +48,32 @@ def read_calibration(table: Mapping[str, Any], where: str) -> dict[str, Stated]:
     }
 
 
+def _check_names(names: list[str], values: Mapping[str, Stated], where: str) -> None:
+    """Each name once, every port of `values` among them, and no other name of a port's kind."""
+    for place, name in enumerate(names):
+        if name in names[:place]:
+            raise HarnessError(f"{where} names: {name} is there twice")
+        if name not in values and (name in ports.INDEX or name.partition(".")[0] in KINDS):
+            raise unknown(f"port in {where} names:", name, values)
+    for name in values:
+        if name not in names:
+            raise HarnessError(f"{where} names: {name} is missing, which is among the values")
+
+
 def _covariance(given: object, size: int, where: str) -> Any:
     try:
         matrix = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.empty(0)
     if matrix.shape != (size, size) or not np.isfinite(matrix).all():
         raise HarnessError(f"{where} covariance: {size} rows of {size} numbers are needed, one for each of names")
     largest = math.sqrt(float(np.max(np.abs(np.diag(matrix)), initial=0.0)))
     if (np.diag(matrix) < 0.0).any() or not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * largest**2):
         raise HarnessError(f"{where} covariance: it has to be symmetric, with no negative number on its diagonal")
+    widths = np.sqrt(np.diag(matrix))
+    scaled = matrix / np.outer(*[np.where(widths > 0.0, widths, 1.0)] * 2)
+    if float(np.linalg.eigvalsh(scaled)[0] if size else 0.0) < -1e-6:
+        raise HarnessError(
+            f"{where} covariance: no covariance is like that; some sum of the values would vary less than not"
+        )
     return matrix

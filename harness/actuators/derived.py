@@ -3,7 +3,13 @@
 import math
 from dataclasses import dataclass
 
+from scipy.optimize import brentq
+
 from harness.actuators.actuator import Actuator
+
+SIX_STEPS = 2.0 / math.pi
+"""Fundamental of six steps over the supply voltage."""
+NO_LOAD = "K_e*w_0 = sqrt((2*V/pi)^2 - (p*w_0*L*I)^2) - R*I, I = (T_coulomb + C*w_0)/K_t, as LF; HF: up to 8 % more"
 
 
 @dataclass(frozen=True)
@@ -22,24 +28,41 @@ def derived(actuator: Actuator) -> list[Derived]:
     Voltages are amplitudes of a phase: V/sqrt(3) is the largest that is sinusoidal, 2*V/pi the fundamental of six steps.
     """
     K_e, R = actuator.value("motor.K_e"), actuator.value("motor.R") + actuator.value("inverter.R_on")
-    C, T_c = actuator.value("mechanics.C"), actuator.value("mechanics.T_coulomb")
+    T_c = actuator.value("mechanics.T_coulomb")
     V, G = actuator.value("supply_voltage"), actuator.value("gear.ratio")
     K_t = 1.5 * K_e
-    w_0 = max(0.0, (2.0 * V / math.pi - R * T_c / K_t) / (K_e + R * C / K_t))
+    w_0 = _no_load_speed(actuator)
     T_v = K_t * V / (math.sqrt(3.0) * R)
     T_i = min(T_v, K_t * actuator.value("controller.current_limit"))
     found = [
         Derived("torque constant", K_t, "N.m/A", "K_t = 1.5*K_e"),
         Derived("saturation speed", V / (math.sqrt(3.0) * K_e), "rad/s", "V/(sqrt(3)*K_e): the back-EMF alone takes all"),
-        Derived(
-            "no-load speed", w_0, "rad/s", "w_0 = (2*V/pi - R*T_coulomb/K_t)/(K_e + R*C/K_t), as LF; HF: up to 8 % more"
-        ),
+        Derived("no-load speed", w_0, "rad/s", NO_LOAD),
         Derived("stall torque", T_v, "N.m", "K_t*V/(sqrt(3)*R), whatever the current"),
         Derived("stall torque at the current limit", T_i, "N.m", "K_t*current_limit, at most the stall torque"),
         Derived("electrical time constant", actuator.value("motor.L") / R, "s", "L/R"),
         Derived("mechanical time constant", actuator.value("mechanics.J") * R / (K_t * K_e), "s", "J*R/(K_t*K_e)"),
     ]
+    if gain := K_t * actuator.value("controller.K_p") * actuator.value("controller.period") / actuator.value("mechanics.J"):
+        found.append(Derived("gain of the sampled speed loop", gain, "1", "K_t*K_p*period/J; 2 and more is unstable"))
     return [*found, *_at_the_output(actuator, w_0 / G, G * actuator.value("gear.eta_opposing") * max(0.0, T_i - T_c))]
+
+
+def _no_load_speed(actuator: Actuator) -> float:
+    """Where six steps' fundamental holds the friction's current: w_0 [rad/s] of NO_LOAD, 0 if friction alone holds it."""
+    K_e, R = actuator.value("motor.K_e"), actuator.value("motor.R") + actuator.value("inverter.R_on")
+    C, T_c = actuator.value("mechanics.C"), actuator.value("mechanics.T_coulomb")
+    pL, K_t, V_1 = (
+        actuator.value("motor.p") * actuator.value("motor.L"),
+        1.5 * K_e,
+        SIX_STEPS * actuator.value("supply_voltage"),
+    )
+
+    def left(w: float) -> float:
+        current = (T_c + C * w) / K_t
+        return math.sqrt(max(0.0, V_1**2 - (pL * w * current) ** 2)) - R * current - K_e * w
+
+    return float(brentq(left, 0.0, V_1 / K_e, xtol=1e-9)) if left(0.0) > 0.0 else 0.0
 
 
 def _at_the_output(actuator: Actuator, speed: float, torque: float) -> list[Derived]:

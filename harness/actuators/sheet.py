@@ -13,6 +13,7 @@ from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.actuators.values import Stated, stated, stated_for
 from harness.errors import HarnessError, unknown
+from harness.parameters import check_unit
 
 WORDS: dict[str, str] = {
     "terminal_resistance": "Ohm",
@@ -28,9 +29,11 @@ WORDS: dict[str, str] = {
     "rotor_inertia": "kg.m2",
     "gear_inertia": "kg.m2",
     "pole_pairs": "1",
+    "travel_constant": "rad/m",
 }
 """Word -> unit of a number without one. Resistance, inductance and speed constant are line to line; the torque constant is
-over the equivalent current; gear_inertia is seen from the motor."""
+over the equivalent current; gear_inertia is seen from the motor; the travel constant is the motor's angle over the
+rod's travel, gear and screw together."""
 MAY_BE_ZERO = ("no_load_current", "coulomb_friction", "viscous_friction", "gear_inertia")
 CLOSE = 0.05
 """Relative difference that contradicts."""
@@ -54,8 +57,8 @@ class Sheet:
         self.formulas[port] = f"{formula} = {found.value:.5g}{'' if unit == '1' else f' {unit}'}"
 
 
-def from_sheet(table: Mapping[str, Any], given: Mapping[str, Stated], where: str) -> Sheet:
-    """The parameters that follow from the words in `table`, beside those `given` in the ports' units.
+def from_sheet(table: Mapping[str, Any], given: Mapping[str, Stated], where: str, output: Output) -> Sheet:
+    """The parameters that follow from the words in `table`, beside those `given` in the ports' units; `output` has the lead.
 
     HarnessError, beginning with `where`, for an unknown word, a value in a wrong unit or out of range, or words without
     those that they need.
@@ -64,6 +67,8 @@ def from_sheet(table: Mapping[str, Any], given: Mapping[str, Stated], where: str
     for word, value in table.items():
         if word not in WORDS:
             raise unknown(f"key in {where}:", word, WORDS)
+        if word == "pole_pairs" and isinstance(value, str):
+            check_unit(ports.VARIABLES[ports.INDEX["motor.p"]], value, f"{where} {word}")
         words[word] = stated(value, WORDS[word], f"{where} {word}")
         if words[word].value < 0.0 or (words[word].value == 0.0 and word not in MAY_BE_ZERO):
             raise HarnessError(f"{where} {word}: more than 0 is needed, not {words[word].value:g} {WORDS[word]}")
@@ -71,6 +76,7 @@ def from_sheet(table: Mapping[str, Any], given: Mapping[str, Stated], where: str
     _windings(sheet, words)
     _constants(sheet, words)
     _moved(sheet, words)
+    _travel(sheet, words, where, output)
     _friction(sheet, words, given, where)
     for port, found in sheet.values.items():
         stated_for(ports.VARIABLES[ports.INDEX[port]], found.value, Output(), f"{where}, {port}")
@@ -135,6 +141,20 @@ def _moved(sheet: Sheet, words: Mapping[str, Stated]) -> None:
             sheet.add(port, words[word], word, word)
 
 
+def _travel(sheet: Sheet, words: Mapping[str, Stated], where: str, output: Output) -> None:
+    """G = k_x*lead/(2*pi): a turn of the user shaft is a lead of the rod."""
+    if "travel_constant" not in words:
+        return
+    k_x = words["travel_constant"]
+    if output.lead is None:
+        raise HarnessError(
+            f"{where} travel_constant: [output] lead is needed beside it; where only gear and screw together are known, any "
+            'will do, such as "5 mm"'
+        )
+    told = f"k_x*lead/(2*pi) = {k_x.value:.5g}*{output.lead:.5g}/(2*pi)"
+    sheet.add("gear.ratio", k_x.times(output.scale("position")), told, "travel_constant")
+
+
 def _sum_of(widths: Any) -> float | None:
     known = [width for width in widths if width is not None]
     return sum(known) if known else None
@@ -171,10 +191,11 @@ def _no_load(sheet: Sheet, words: Mapping[str, Stated], given: Mapping[str, Stat
              (("T", "mechanics.T_coulomb"), ("C", "mechanics.C"))}  # fmt: skip
     T, C = known["T"], known["C"]
     if w_0 is None:
-        if T is None and C is None:
-            sheet.add(
-                "mechanics.T_coulomb", Stated(T_0), f"{told}, all of it: no no_load_speed is stated", "no_load_current"
-            )
+        if T is None:
+            how = f"{told}, all of it: no no_load_speed is stated"
+            sheet.add("mechanics.T_coulomb", Stated(T_0), how, "no_load_current")
+        elif T.value > T_0:
+            _compare(sheet, f"friction at no load is at least T_coulomb, {T.value:.4g} N.m", T.value, told, T_0)
         return
     if T is None:
         share = T_0 / 2.0 if C is None else max(0.0, T_0 - C.value * w_0.value)

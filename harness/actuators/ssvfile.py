@@ -4,6 +4,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from harness.actuators.actuator import Actuator, Output
+from harness.actuators.doubts import doubts
 from harness.actuators.values import Stated, stated, stated_for
 from harness.errors import HarnessError
 from harness.parameters import check_together, settable
@@ -39,7 +40,8 @@ def read_ssv(path: Path) -> Actuator:
     name = root.get("name", "")
     name = (root.get("description") if name in ("", INITIAL) else name) or path.stem
     output = Output(_lead(root, path))
-    return Actuator(name, "", parameters, origins=dict.fromkeys(parameters, "stated"), output=output)
+    origins = dict.fromkeys(parameters, "stated")
+    return Actuator(name, "", parameters, origins=origins, output=output, warnings=tuple(doubts(parameters, output)))
 
 
 def _root(path: Path) -> ElementTree.Element:

@@ -20,6 +20,7 @@ EXAMPLES = {
     "rotor_inertia": "170 g.cm2 +- 5 %",
     "gear_inertia": "12.9 g.cm2",
     "pole_pairs": 8,
+    "travel_constant": "6669 rad/m",
 }
 """A value for each word of a data sheet."""
 
@@ -39,7 +40,8 @@ description = ""
 {parameters}
 
 # A linear actuator: its travel a revolution of the user shaft. Outside, position and command are then in m, the load in N;
-# under [parameters], "mechanics.end_stop" and "gear.backlash" may be lengths.
+# under [parameters], "mechanics.end_stop" and "gear.backlash" may be lengths. State "gear.ratio" too, or travel_constant
+# under [sheet] (the motor's angle over the travel), and "mechanics.end_stop": their defaults are a rotary actuator's.
 [output]
 # lead = "5 mm"
 

@@ -7,6 +7,7 @@ from typing import Any
 from ema_fmu_src import ports
 from harness.actuators.actuator import Actuator, Output
 from harness.actuators.calibrated import read_calibration
+from harness.actuators.doubts import doubts
 from harness.actuators.sheet import WORDS, from_sheet
 from harness.actuators.values import Stated, stated, stated_for
 from harness.errors import HarnessError, unknown
@@ -16,8 +17,8 @@ from harness.parameters import check_together, settable
 
 TABLES = ("parameters", "sheet", "output", "log", "limits", "calibration", "provenance")
 KEYS = ("name", "description", *TABLES)
-LOG_WORDS = ("time", "run", "group", "date", "speed", "position_error", "temperature")
-"""Keys of `[log]` that are no ports; speed is that of the user's side."""
+LOG_WORDS = ("time", "run", "group", "position_error", "position_demand", "temperature")
+"""Keys of `[log]` that are no ports."""
 LOG_KEYS = (*LOG_WORDS, *(port.name for port in (*ports.INPUTS, *ports.OUTPUTS)))
 SOURCES = "sources"
 """Table in `[provenance]`: where each number comes from."""
@@ -34,7 +35,7 @@ def read_actuator_toml(path: Path) -> Actuator:
     output = _output(tables["output"], path)
     given = _parameters(tables["parameters"], output, f"{path}, [parameters]")
     sources = _sources(tables["provenance"], path)
-    derived = from_sheet(tables["sheet"], given, f"{path}, [sheet]")
+    derived = from_sheet(tables["sheet"], given, f"{path}, [sheet]", output)
     calibrated = read_calibration(tables["calibration"], f"{path}, [calibration]")
     values = derived.values | given | calibrated
     origins = (
@@ -55,19 +56,8 @@ def read_actuator_toml(path: Path) -> Actuator:
         limits=_limits(tables["limits"], f"{path}, [limits]"),
         calibration=tables["calibration"],
         provenance=tables["provenance"],
-        warnings=(*derived.warnings, *_odd(parameters)),
+        warnings=(*derived.warnings, *doubts(parameters, output)),
     )
-
-
-def _odd(parameters: Mapping[str, float]) -> list[str]:
-    """A line where values are allowed, but hardly meant."""
-    T_static, T_coulomb = (
-        parameters.get(name, ports.VARIABLES[ports.INDEX[name]].start)
-        for name in ("mechanics.T_static", "mechanics.T_coulomb")
-    )
-    if T_static < T_coulomb:
-        return [f"mechanics.T_static {T_static:g} N.m is less than mechanics.T_coulomb {T_coulomb:g} N.m: is it left out?"]
-    return []
 
 
 def _known(names: Iterable[str], choices: Iterable[str], what: str) -> None:
@@ -97,7 +87,7 @@ def _output(table: Mapping[str, Any], path: Path) -> Output:
     if "lead" not in table:
         return Output()
     where = f"{path}, [output] lead"
-    lead = stated(table["lead"], "m", where)
+    lead = stated(table["lead"], "m/turn", where, outside=("m", 1.0))
     if lead.tolerance is not None:
         raise HarnessError(f"{where}: a length without a tolerance is needed; gear.ratio may have one")
     if not 1e-6 <= lead.value <= 1e3:
@@ -108,7 +98,7 @@ def _output(table: Mapping[str, Any], path: Path) -> Output:
 def _parameters(table: Mapping[str, Any], output: Output, where: str) -> dict[str, Stated]:
     return {
         name: stated_for(settable(name, f"{where} {name}"), value, output, f"{where} {name}")
-        for name, value in flat(table).items()
+        for name, value in flat(table, where).items()
     }
 
 
@@ -125,7 +115,7 @@ def _log(table: Mapping[str, Any], where: str) -> dict[str, str]:
 
 def _limits(table: Mapping[str, Any], where: str) -> dict[str, float]:
     limits: dict[str, float] = {}
-    for name, value in flat(table).items():
+    for name, value in flat(table, where).items():
         limits |= checked_limit(name, stated(value, "", f"{where} {name}").value, f"{where} {name}")
     return limits
 
@@ -136,7 +126,7 @@ def _sources(provenance: Mapping[str, Any], path: Path) -> dict[str, str]:
     table = provenance.get(SOURCES, {})
     if not isinstance(table, dict):
         raise HarnessError(f"{where}: a table is needed, not {table!r}")
-    sources = flat(table)
+    sources = flat(table, where)
     settables = [port.name for port in (*ports.PARAMETERS, *ports.INPUTS)]
     _known(sources, [*settables, *WORDS, "output.lead"], f"key in {where}:")
     return {name: str(text) for name, text in sources.items()}

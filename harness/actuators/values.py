@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError
-from harness.parameters import check_value
+from harness.parameters import check_unit, check_value
 from harness.units import conversion, split
 
-_PLUS_MINUS = re.compile(r"\+\s*/?\s*-|±")
+PLUS_MINUS = re.compile(r"\+\s*/?\s*-|±")
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,8 @@ def stated(given: object, unit: str, where: str, *, outside: tuple[str, float] |
     if isinstance(given, bool) or not isinstance(given, str | int | float):
         raise HarnessError(f"{where}: {given!r} is not a number, or a text with a unit such as '{f'1 {unit}'.strip()}'")
     if not isinstance(given, str):
-        if not math.isfinite(given):
-            raise HarnessError(f"{where}: {given} is not a finite number")
-        return Stated(float(given))
-    parts = _PLUS_MINUS.split(given)
+        return Stated(_number(given, where))
+    parts = PLUS_MINUS.split(given)
     if len(parts) > 2:
         raise HarnessError(f"{where}: '{given}' has more than one tolerance")
     value, own = split(parts[0], unit, where)
@@ -59,6 +57,16 @@ def stated(given: object, unit: str, where: str, *, outside: tuple[str, float] |
     if relative:
         return Stated(centre, _finite(abs(centre) * width / 100.0, given, where))
     return Stated(centre, _finite(width * abs(_conversion(of_width or own, unit, where, outside)[0]), given, where))
+
+
+def _number(given: float, where: str) -> float:
+    try:
+        value = float(given)
+    except OverflowError:
+        raise HarnessError(f"{where}: a whole number of {len(str(given))} digits is too large") from None
+    if not math.isfinite(value):
+        raise HarnessError(f"{where}: {given} is not a finite number")
+    return value
 
 
 def _conversion(given: str, unit: str, where: str, outside: tuple[str, float] | None) -> tuple[float, float]:
@@ -95,6 +103,8 @@ def stated_for(variable: ports.Variable, given: object, output: Output, where: s
         wanted = "true or false" if variable.kind == "Boolean" else " or ".join(["a number", *words])
         raise HarnessError(f"{where}: {given!r} is not {wanted}")
     else:
+        if isinstance(given, str):
+            check_unit(variable, PLUS_MINUS.split(given)[0], where)
         own, scale = output.unit(variable.name), output.scale(variable.name)
         found = stated(given, variable.unit, where, outside=(own, scale) if own != variable.unit else None)
     check_value(variable, found.value, where)

@@ -97,7 +97,7 @@ def _mapping(given: Mapping[str, Any], key: str, where: str | None) -> dict[str,
     value = given.get(key, {})
     if not isinstance(value, dict):
         raise HarnessError(f"{where}: a table of names is needed, such as [{key}]")
-    return flat(value)
+    return flat(value, where or key)
 
 
 def _texts(value: Any, where: str) -> list[str]:

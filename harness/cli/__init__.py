@@ -26,7 +26,7 @@ from harness.errors import HarnessError
 INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
 for command in (build, run, replay, columns, campaign, identify, monitor, check, serve, compare, export, reference, ports):
     app.command()(command)
 app.add_typer(actuator, name="actuator", no_args_is_help=True)

@@ -47,9 +47,9 @@ def show(
     if json_file:
         results.prepare_file(json_file)
     told = refusals(fmu_folder(FIDELITIES.values(), fmus, chosen), chosen.parameters)
-    about = f": {chosen.description}" if chosen.description else ""
-    rows = shown.parameter_rows(chosen)
-    show_table(f"{chosen.name}{about}", shown.PARAMETER_HEADS, rows, words=("Unit", "Origin"))
+    typer.echo(f"{chosen.name}: {chosen.description}" if chosen.description else chosen.name)
+    show_table("Parameters", shown.PARAMETER_HEADS, shown.parameter_rows(chosen), words=("Unit", "Origin"))
+    typer.echo("Faults and the state at the start that are not listed are healthy and at rest, as ema ports lists them.")
     show_table("What follows, healthy", shown.DERIVED_HEADS, shown.derived_rows(chosen), words=("Unit", "Formula"))
     show_table("Fidelities", shown.FLIGHT_HEADS, shown.flight_rows(told), words=("Flies",))
     for title, table in (("log", chosen.log), ("limits", chosen.limits)):

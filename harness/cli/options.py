@@ -61,11 +61,19 @@ Threshold = Annotated[
 
 
 def chosen_actuator(name: str | None) -> "Actuator":
-    """The actuator of `--actuator`, the default one if none is given; HarnessError as from `read_actuator`."""
+    """The actuator of `--actuator`, the default one if none is given.
+
+    HarnessError as from `read_actuator`, or for a `[log]` that no log can be read by.
+    """
     from harness.actuators.actuator import DEFAULT
     from harness.actuators.read import read_actuator
+    from harness.logs.mapping import check_layout
 
-    return DEFAULT if name is None else read_actuator(name)
+    if name is None:
+        return DEFAULT
+    actuator = read_actuator(name)
+    check_layout(actuator.log, actuator.output, f"{name}, [log]")
+    return actuator
 
 
 def chosen_parameters(actuator: "Actuator", settings: list[str] | None) -> dict[str, float]:
@@ -129,8 +137,30 @@ def chosen_trials(
     if columns and not file:
         raise HarnessError("--column: goes with --trial-file, whose columns it names")
     if file:
-        own = read_trial(file, actuator.output if actuator else None, chosen_columns(columns))
+        output, log = (actuator.output, actuator.log) if actuator else (None, None)
+        own = read_trial(file, output, chosen_columns(columns), log)
         if own.name.upper() in chosen:
             raise HarnessError(f"--trial-file {file}: {own.name} is flown already, rename the file")
         chosen[own.name] = own
     return list(chosen.values()) or [trial(name) for name in PAPER]
+
+
+SMALL = 0.01
+"""Part of the travel to the end stops below which a built-in trial says little of a linear actuator."""
+
+
+def small(trials: "list[Trial]", actuator: "Actuator") -> list[str]:
+    """A line if built-in trials, whose angles are a rotary actuator's, hardly move the rod of `actuator`."""
+    from harness.trials import BUILT_IN
+
+    if actuator.output.lead is None:
+        return []
+    stop = actuator.value("mechanics.end_stop")
+    largest = {each.name: float(abs(each.inputs["command"]).max()) for each in trials if each.name in BUILT_IN}
+    if not largest or max(largest.values()) > SMALL * stop:
+        return []
+    reached, travel = (1e3 * value * actuator.output.scale("position") for value in (max(largest.values()), stop))
+    return [
+        f"{', '.join(largest)}: angles of a rotary actuator, here at most {reached:.2g} mm of {travel:.3g} mm to the end "
+        "stop; a --trial-file says more"
+    ]

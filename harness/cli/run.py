@@ -20,6 +20,7 @@ from harness.cli.options import (
     chosen_actuator,
     chosen_parameters,
     chosen_trials,
+    small,
 )
 from harness.cli.terminal import progress, show
 
@@ -70,6 +71,8 @@ def run(
     flown = chosen_trials(trials, trial_file, chosen, columns=columns)
     wanted = parse_fidelities(fidelity)
     compared_with = parse_fidelity(reference, "--reference")
+    for line in small(flown, chosen):
+        typer.echo(line, err=True)
     parameters = chosen_parameters(chosen, settings)
     schedules = [parse_schedule(text) for text in switches or []]
     results.prepare(out)

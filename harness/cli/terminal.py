@@ -15,7 +15,7 @@ WIDE = 220
 def show(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, words: Collection[str] = ()) -> None:
     """Print a table of plain texts; columns of figures stand to the right, the first and those named in `words` to the left.
 
-    An empty row draws a line.
+    The first, of names, is not folded where the others can be. An empty row draws a line.
     """
     from rich.console import Console
     from rich.markup import escape
@@ -23,7 +23,8 @@ def show(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, w
 
     shown = Table(title=caption)
     for place, head in enumerate(heads):
-        shown.add_column(head, justify="left" if place == 0 or head in words else "right", overflow="fold")
+        left = place == 0 or head in words
+        shown.add_column(head, justify="left" if left else "right", overflow="fold", no_wrap=place == 0)
     for row in rows:
         if row:
             shown.add_row(*map(escape, row))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError
 from harness.logs.find import Found
 from harness.logs.log import Between
-from harness.logs.mapping import in_unit
+from harness.units import conversion
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def axis_of(found: Found) -> Axis:
             return Axis(
                 found, (values - first) * scale, first * scale, f"times count {name} since 1970; taken from the first row"
             )
-    scale, _ = in_unit(unit, "s", found.where) if unit else (1.0, 0.0)
+    scale, _ = conversion(unit, "s", found.where) if unit else (1.0, 0.0)
     if EPOCHS[0][0] <= first * scale <= EPOCHS[0][1]:
         return Axis(found, (values - first) * scale, first * scale, "times count from 1970; taken from the first row")
     return Axis(found, values * scale, None)

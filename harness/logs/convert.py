@@ -9,12 +9,10 @@ from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError
 from harness.logs.find import Found
-from harness.logs.mapping import in_unit
+from harness.logs.mapping import LIKE
+from harness.units import conversion
 
 Array = NDArray[np.float64]
-
-LIKE = {"position_error": "position", "position_demand": "command"}
-"""The port whose unit another key has."""
 
 
 def inside(found: Found, output: Output, ratio: float) -> Array:
@@ -29,17 +27,17 @@ def inside(found: Found, output: Output, ratio: float) -> Array:
     if not np.isfinite(values).any():
         raise HarnessError(f"{found.where}: holds no number in any row")
     if key == "temperature":
-        scale, offset = in_unit(found.unit, "degC", found.where) if found.unit else (1.0, 0.0)
+        scale, offset = conversion(found.unit, "degC", found.where) if found.unit else (1.0, 0.0)
         return values * scale + offset
     if key == "motor_speed" and output.lead is not None and found.unit and _measures(found, "m/s"):
-        scale, _ = in_unit(found.unit, "m/s", found.where)
+        scale, _ = conversion(found.unit, "m/s", found.where)
         return values * (scale / output.scale("position") * ratio)
     outside, own = output.unit(key), ports.VARIABLES[ports.INDEX[key]].unit
     if outside != own and found.unit and _measures(found, own):
-        scale, offset = in_unit(found.unit, own, found.where)
+        scale, offset = conversion(found.unit, own, found.where)
         converted = values * scale + offset
     else:
-        scale, offset = in_unit(found.unit, outside, found.where) if found.unit else (1.0, 0.0)
+        scale, offset = conversion(found.unit, outside, found.where) if found.unit else (1.0, 0.0)
         converted = output.inside(key, values if (scale, offset) == (1.0, 0.0) else values * scale + offset)
     if found.spec.key != "position_error":
         check_range(found, key, converted, values)
@@ -49,7 +47,7 @@ def inside(found: Found, output: Output, ratio: float) -> Array:
 def _measures(found: Found, unit: str) -> bool:
     """Whether the column's unit measures what `unit` does."""
     try:
-        in_unit(found.unit, unit, "")
+        conversion(found.unit, unit, "")
     except HarnessError:
         return False
     return True

@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from ema_fmu_src import ports
+from harness.actuators.actuator import Output
 from harness.errors import HarnessError, unknown
 from harness.logs.log import CHANNELS, Between, Logger
 from harness.units import conversion, quantity
@@ -12,6 +14,9 @@ INPUTS = ("command", "load_torque", "supply_voltage")
 OTHERS = ("run", "group", "position_error", "position_demand", "temperature")
 KEYS: tuple[str, ...] = ("time", *INPUTS, *CHANNELS, *OTHERS)
 """What a column can be: an input, an output that is compared, and what says how rows belong together."""
+LABELS = ("run", "group")
+LIKE = {"position_error": "position", "position_demand": "command"}
+"""The port whose unit another key has."""
 SIDED = ("position", "position_error")
 """What may be measured on the motor and given on the user's side."""
 _BRACKET = re.compile(r"(?P<column>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*(?P<words>[^\[\]]*)")
@@ -60,6 +65,32 @@ def parse_specs(columns: Mapping[str, str]) -> dict[str, ColumnSpec]:
     return {key: parse_spec(key, text, f"column {key}={text}") for key, text in columns.items()}
 
 
+def check_layout(log: Mapping[str, str], output: Output, where: str) -> None:
+    """HarnessError, beginning with `where` and the key, for a text of an actuator's `[log]` that no log can be read by."""
+    for key, text in log.items():
+        spec = parse_spec(key, text, f"{where} {key}")
+        if spec.unit and key not in LABELS:
+            _check_unit(spec, output, f"{where} {key}")
+
+
+def _check_unit(spec: ColumnSpec, output: Output, where: str) -> None:
+    """A unit has to be one of those that are accepted: the port's own, that outside, and a rod's speed for the motor's."""
+    if spec.key in ("time", "temperature"):
+        accepted = ["s" if spec.key == "time" else "degC"]
+    else:
+        port = LIKE.get(spec.key, spec.key)
+        accepted = [ports.VARIABLES[ports.INDEX[port]].unit, output.unit(port)]
+        accepted += ["m/s"] if port == "motor_speed" and output.lead is not None else []
+    refusals = []
+    for unit in accepted:
+        try:
+            conversion(spec.unit, unit, where)
+        except HarnessError as error:
+            refusals.append(error)
+    if len(refusals) == len(accepted):
+        raise refusals[0]
+
+
 def parse_spec(key: str, text: str, where: str) -> ColumnSpec:
     """The spec that `COLUMN [unit] words` means for `key`; HarnessError, beginning with `where`, if it means none."""
     if key not in KEYS:
@@ -97,36 +128,3 @@ def _parsed(key: str, words: str, where: str) -> dict[str, object]:
     if "logger" in found and key not in CHANNELS:
         raise HarnessError(f"{where}: sampled, averaged or filtered goes with what is measured, not with {key}")
     return found
-
-
-DIMENSIONLESS = re.compile(r"%|percent|ppm|counts?|1|bits?|incs?|increments?", re.IGNORECASE)
-
-
-def in_unit(unit: str, target: str, where: str) -> tuple[float, float]:
-    """As `units.conversion`; but counts and per cent are no angles, and a length where an angle is due needs a lead."""
-    if "rad" in target and DIMENSIONLESS.fullmatch(unit.strip()):
-        raise HarnessError(
-            f"{where}: [{unit}] is no angle, [{target}] is needed; state what one of it is, such as [0.01 deg]"
-        )
-    try:
-        return _scaled(unit, target, where)
-    except HarnessError as error:
-        if "does not measure" in str(error) and _fits(unit, target.replace("rad", "m")):
-            raise HarnessError(f"{error}; for a linear actuator, state [output] lead in its file") from None
-        raise
-
-
-def _scaled(unit: str, target: str, where: str) -> tuple[float, float]:
-    """A unit may have a number before it: `0.01 deg`."""
-    match = re.fullmatch(r"\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+(\S.*)", unit)
-    factor, bare = (float(match[1]), match[2]) if match else (1.0, unit)
-    scale, offset = conversion(bare, target, where)
-    return factor * scale, offset
-
-
-def _fits(unit: str, target: str) -> bool:
-    try:
-        conversion(unit, target, "")
-    except HarnessError:
-        return False
-    return True

@@ -25,15 +25,22 @@ KNOWN = frozenset({"time", *(port.name for port in (*ports.INPUTS, *ports.OUTPUT
 Array = NDArray[np.float64]
 
 
-def read_trial(path: Path, output: Output | None = None, columns: Mapping[str, str] | None = None) -> Trial:
+def read_trial(
+    path: Path, output: Output | None = None, columns: Mapping[str, str] | None = None, log: Mapping[str, str] | None = None
+) -> Trial:
     """A trial from a file: time [s], command [rad], optionally load_torque [N.m], supply_voltage [V]; any format and unit.
 
     `columns`: port -> `COLUMN [unit] words`, as for logs; else columns are taken by the ports' names. `output`: what moves
-    at the user's side. Between the rows the command is interpolated linearly onto the communication grid, or held if its
-    words say so. Columns that are a run's outputs are left out; others are refused, unless `columns` are stated.
+    at the user's side. `log`: an actuator's `[log]`; it holds for a file whose columns do not bear the names time and
+    command, and `columns` win over it. Between the rows the command is interpolated linearly onto the communication grid,
+    or held if its words say so. Columns that are a run's outputs are left out; others are refused, unless `columns` are
+    stated.
     HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
     """
-    table, specs = read_table(path), parse_specs(columns or {})
+    table = read_table(path)
+    if log and not {"time", "command"} <= {column.name for column in table.columns}:
+        columns = {key: text for key, text in log.items() if key in ("time", *INPUTS)} | dict(columns or {})
+    specs = parse_specs(columns or {})
     found = find([table], specs, INPUTS)
     times = find_times(table, table.columns[0], specs, first=True)
     linear = output is not None and output.lead is not None

@@ -9,6 +9,7 @@ from harness.actuators.derived import derived
 
 PARAMETER_HEADS = ("Parameter", "Value", "Unit", "+-", "Origin")
 DERIVED_HEADS = ("Quantity", "Value", "Unit", "Formula")
+LEFT_OUT = ("fault.", "initial.")
 FLIGHT_HEADS = ("Fidelity", "Flies")
 
 
@@ -19,9 +20,14 @@ def resolved(actuator: Actuator) -> list[ports.Variable]:
 
 
 def parameter_rows(actuator: Actuator) -> list[tuple[str, ...]]:
-    """A row of texts for each of `resolved`, under PARAMETER_HEADS; a linear actuator's lengths also in m."""
+    """A row of texts for each of `resolved`, under PARAMETER_HEADS; a linear actuator's lengths also in m.
+
+    Faults and the state at the start have one only where they are stated.
+    """
     rows: list[tuple[str, ...]] = []
     for port in resolved(actuator):
+        if port.name.startswith(LEFT_OUT) and port.name not in actuator.parameters:
+            continue
         value, width = actuator.value(port.name), actuator.tolerances.get(port.name)
         unit, outside = port.unit, actuator.output.unit(port.name)
         if outside != unit:

@@ -1,0 +1,47 @@
+"""What is allowed in an actuator, but hardly meant: a line for each."""
+
+from collections.abc import Mapping
+
+from ema_fmu_src import ports
+from harness.actuators.actuator import Output
+
+SHORTEST, LONGEST = 1e-4, 0.5
+"""Leads [m a turn] between which screws lie."""
+ROTARY = ("gear.ratio", "mechanics.end_stop")
+"""Parameters whose defaults are those of a rotary actuator: with a lead they give another machine."""
+LOOP = ("motor.K_e", "controller.K_p", "controller.period", "mechanics.J")
+"""What the gain of the sampled speed loop is made of: what a step of the speed changes of itself in a period."""
+
+
+def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:
+    """The lines for the `parameters` that are known, by port in its unit, and what moves at the output."""
+    lines = []
+    T_static, T_coulomb = (_value(parameters, name) for name in ("mechanics.T_static", "mechanics.T_coulomb"))
+    if T_static < T_coulomb:
+        lines.append(
+            f"mechanics.T_static {T_static:g} N.m is less than mechanics.T_coulomb {T_coulomb:g} N.m: is it left out?"
+        )
+    K_e, K_p, period, J = (_value(parameters, name) for name in LOOP)
+    if (gain := 1.5 * K_e * K_p * period / J) >= 2.0:
+        lines.append(
+            f"K_t*K_p*period/J = {gain:.3g}: the sampled speed loop is unstable from 2 on; is controller.K_p too high?"
+        )
+    if output.lead is None:
+        return lines
+    if not SHORTEST <= output.lead <= LONGEST:
+        lines.append(f"lead {output.lead:g} m a turn: screws have {SHORTEST:g} to {LONGEST:g} m; is its unit left out?")
+    return lines + [_rotary(name, parameters, output) for name in ROTARY if name not in parameters]
+
+
+def _rotary(name: str, parameters: Mapping[str, float], output: Output) -> str:
+    """What the rotary default means for a rod."""
+    default, travel = _value(parameters, name), output.scale("position")
+    if name == "gear.ratio":
+        meant = f"with the lead {default / travel:.4g} rad of the motor a metre; state it, or travel_constant under [sheet]"
+    else:
+        meant = f"{1e3 * default * travel:.3g} mm of travel; state it as a length"
+    return f"{name} is not stated: the rotary default of {default:g} is kept, {meant}"
+
+
+def _value(parameters: Mapping[str, float], name: str) -> float:
+    return float(parameters.get(name, ports.VARIABLES[ports.INDEX[name]].start))
