@@ -99,6 +99,10 @@ def _parsed(key: str, words: str, where: str) -> dict[str, object]:
     return found
 
 
+TURNS_A_MINUTE = re.compile(r"Upm|(?:U|Umdr?\.?|Umdrehungen)(?:\s*/\s*[Mm]in\.?|\s*[Mm]in\^?-1)")
+"""Turns a minute, as German drives write them; by pint, U/min would be an enzyme's."""
+GIGA = re.compile(r"[GM]rad\b")
+"""Degrees or gons, and milliradians, to whoever writes it; giga- and megaradians by pint."""
 DIMENSIONLESS = re.compile(r"%|percent|ppm|counts?|1|bits?|incs?|increments?", re.IGNORECASE)
 
 
@@ -108,6 +112,10 @@ def in_unit(unit: str, target: str, where: str) -> tuple[float, float]:
         raise HarnessError(
             f"{where}: [{unit}] is no angle, [{target}] is needed; state what one of it is, such as [0.01 deg]"
         )
+    if "rad" in target and GIGA.match(unit.strip()):
+        raise HarnessError(f"{where}: [{unit}] can be read in two ways; write deg, gon, rad or mrad")
+    if target == "rad/s" and TURNS_A_MINUTE.fullmatch(unit.strip()):
+        unit = "rpm"
     try:
         return _scaled(unit, target, where)
     except HarnessError as error:
