@@ -64,7 +64,11 @@ def head_of(where: str, rows: Sequence[Sequence[str]], numbers: Sequence[int], l
     words = [n for n in range(min(first, len(rows))) if _wholly_text(rows[n]) and len(_trimmed(rows[n])) >= min(width, 2)]
     if not words:
         start = next(n for n, row in enumerate(rows) if not _wholly_text(row) and len(row) >= min(width, 2))
-        start += _are_column_numbers(f"{where}, line {numbers[start]}", rows[start], [*rows[start + 1 :], *last[:-1]])
+        start += _are_column_numbers(
+            f"{where}, line {numbers[start]}",
+            rows[start],
+            [row for row in (*rows[start + 1 :], *last) if row != rows[start]],
+        )
         return Head((), (), 0, start, start)
     at, units = words[-1], tuple[str, ...]()
     for place in (words[-1], words[-1] - 1):

@@ -36,7 +36,8 @@ def decode(path: Path, data: bytes) -> str:
             return _decoded(path, data, encoding)
     begin = data[:4000]
     for encoding, zeros in (
-        ("utf-32-le", begin[2::4]), ("utf-32-be", begin[1::4]), ("utf-16-le", begin[1::2]), ("utf-16-be", begin[0::2]),
+        ("utf-32-le", begin[2::4] + begin[3::4]), ("utf-32-be", begin[0::4] + begin[1::4]),
+        ("utf-16-le", begin[1::2]), ("utf-16-be", begin[0::2]),
     ):  # fmt: skip
         if len(begin) > 7 and zeros.count(0) > 0.9 * len(zeros):
             return _decoded(path, data, encoding)

@@ -17,8 +17,8 @@ EPOCHS = ((1e9, 4e9, 1.0, "s"), (1e12, 4e12, 1e-3, "ms"), (1e15, 4e15, 1e-6, "us
 """Least and greatest count since 1970 of a time in this unit [s], from 2001 to 2096."""
 NEAREST = 1e-6
 """Usual distance of rows [s] below which times are in another unit, such as days."""
-TOGETHER = 1e-9
-"""Times [s] that are no further apart are the same row's."""
+TOGETHER, TOGETHER_DATED = 1e-9, 3e-7
+"""Times [s] that are no further apart are the same row's; of dates, whose seconds since 1970 are told to 0.2 us."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,9 @@ def axis_of(found: Found) -> Axis:
         row = int(np.flatnonzero(np.isnan(values))[0])
         raise HarnessError(f"{found.cell(row)}: is empty; every row needs its time")
     if column.seconds and found.spec.unit and in_unit(found.spec.unit, "s", found.where) != (1.0, 0.0):
-        raise HarnessError(f"{found.where}: [{found.spec.unit}] is stated, but the times of this format are in s; leave it out")
+        raise HarnessError(
+            f"{found.where}: [{found.spec.unit}] is stated, but the times of this format are in s; leave it out"
+        )
     if column.epoch is not None:
         return Axis(found, values, column.epoch)
     first = float(values[0]) if len(values) else 0.0
@@ -91,9 +93,10 @@ def joined(axes: Sequence[Axis]) -> tuple[Array, list[NDArray[np.intp]], str]:
     times = [axis.time + shift for axis, shift in zip(axes, shifts, strict=True)]
     if max(time[0] for time in times) >= min(time[-1] for time in times):
         raise HarnessError(f"{axes[-1].found.where}: has no time in common with {axes[0].found.where}")
+    together = TOGETHER_DATED if dated else TOGETHER
     every = np.sort(np.concatenate(times))
-    union = every[np.r_[True, np.diff(every) > TOGETHER]]
-    places = [np.searchsorted(union, time - TOGETHER) for time in times]
+    union = every[np.r_[True, np.diff(every) > together]]
+    places = [np.searchsorted(union, time - together) for time in times]
     return union, places, f"{len(axes)} columns of times are joined: {len(union)} rows"
 
 

@@ -79,9 +79,16 @@ def describe(path: Path, columns: Mapping[str, str] | None = None, output: Outpu
         if column.number in taken or (guess and guess.key in used) or (column.time and guess and guess.key == "time"):
             guess = None
         port = taken.get(column.number, "")
-        described.append(_described(column, port, guess.key if guess else "", guess.flag if guess and guess.is_readable else ""))
+        described.append(
+            _described(column, port, guess.key if guess else "", guess.flag if guess and guess.is_readable else "")
+        )
     rate, gaps, remark = _pace(table.columns[0] if times is None else times.column, times)
-    remarks = (*table.remarks, *([OWN_RUN] if own_run else []), *([remark] if remark else []), *_hints(described, specs, rate))
+    remarks = (
+        *table.remarks,
+        *([OWN_RUN] if own_run else []),
+        *([remark] if remark else []),
+        *_hints(described, specs, rate),
+    )
     return Overview(path, table.header, tuple(described), rate, gaps, remarks)
 
 
@@ -91,9 +98,13 @@ def _hints(described: Sequence[Described], specs: Mapping[str, ColumnSpec], rate
     hints = []
     said = any(spec.between for spec in specs.values())
     if "command" in keys and not said and rate is not None and rate * DENSE < 1.0:
-        hints.append(f"{1e3 / rate:.3g} ms lie between rows: if you know it, say of the command behind its unit: held or ramped")
+        hints.append(
+            f"{1e3 / rate:.3g} ms lie between rows: if you know it, say of the command behind its unit: held or ramped"
+        )
     if "equivalent_current" in keys and "equivalent_current_filtered" not in keys and "equivalent_current" not in specs:
-        hints.append("a current that the drive has low-passed is equivalent_current_filtered, or: equivalent_current=... filtered 2 ms")
+        hints.append(
+            "a current that the drive has low-passed is equivalent_current_filtered; or say behind its unit: filtered 2 ms"
+        )
     return hints
 
 

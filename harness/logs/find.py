@@ -115,7 +115,9 @@ def _named(table: Table, key: str) -> list[Column]:
     for other in named[1:]:
         if other.name == named[0].name or not np.array_equal(other.values, named[0].values, equal_nan=True):
             also = f", as '{other.name}'" if other.name != named[0].name else ""
-            raise HarnessError(f"{table.at_header}: column '{named[0].name}' is there twice{also}; name one: --column {key}=...")
+            raise HarnessError(
+                f"{table.at_header}: column '{named[0].name}' is there twice{also}; name one: --column {key}=..."
+            )
     return named[:1]
 
 

@@ -59,7 +59,8 @@ def plain(word: str) -> str:
 
 
 _FILTERED = re.compile(
-    r"(?:low[_ -]?pass(?:ed)?|smooth(?:ed)?|filt(?:ered)?|aver(?:aged?)?|avg|mean|gefiltert|gemittelt|lpf|tp)(?![a-z])", re.IGNORECASE
+    r"(?:low[_ -]?pass(?:ed)?|smooth(?:ed)?|filt(?:ered)?|aver(?:aged?)?|avg|mean|gefiltert|gemittelt|lpf|tp)(?![a-z])",
+    re.IGNORECASE,
 )
 """What says of a current that the drive has filtered it."""
 OWN = {plain(key): key for key in KEYS}
@@ -96,8 +97,8 @@ WIDE, FAST = 2.5, 1500.0
 """Ranges of a position [rad] and of a motor speed [rad/s] from which they are more likely in degrees and in rpm."""
 _PER_MINUTE = re.compile(r"1?/min|min\^?-1", re.IGNORECASE)
 TARGETS: dict[str, tuple[str, ...]] = {
-    "time": ("s",), "supply_voltage": ("V",), "load_torque": ("N.m", "N"), "temperature": ("degC",), "motor_speed": ("rad/s", "m/s"),
-    "run": ("",), "group": ("",),
+    "time": ("s",), "supply_voltage": ("V",), "load_torque": ("N.m", "N"), "temperature": ("degC",),
+    "motor_speed": ("rad/s", "m/s"), "run": ("",), "group": ("",),
     **dict.fromkeys(("command", "position", "motor_position", "position_error", "position_demand"), ("rad", "m")),
     **dict.fromkeys((key for key in KEYS if "current" in key), ("A",)),
 }  # fmt: skip
@@ -141,7 +142,9 @@ def _by_word(column: Column) -> str:
 
 def _by_numbers(columns: Sequence[Column], times: Column | None = None) -> list[tuple[Column, str]]:
     """Without words: the first column that only rises is the time, the next is commanded, what is most like it follows."""
-    rising = times or next((c for c in columns if len(c.values) > 1 and not c.labels and bool(np.all(np.diff(c.values) > 0.0))), None)
+    rising = times or next(
+        (c for c in columns if len(c.values) > 1 and not c.labels and bool(np.all(np.diff(c.values) > 0.0))), None
+    )
     if rising is None:
         return []
     rest = [c for c in columns if c is not rising and not c.labels and _varies(c)]

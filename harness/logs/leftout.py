@@ -41,7 +41,9 @@ def left_out(table: Table, found: Mapping[str, Found]) -> list[str]:
         if column.number in offered:
             remarks.append(f"column {column.called} is left out; to take it: {offered[column.number].flag}")
         elif key := _like_an_input(column, found):
-            remarks.append(f"column {column.called} is left out; if it is the {key}: --column '{key}={column.called} [UNIT]'")
+            remarks.append(
+                f"column {column.called} is left out; if it is the {key}: --column '{key}={column.called} [UNIT]'"
+            )
     return remarks
 
 
@@ -52,8 +54,8 @@ def _refuse_meant(table: Table, column: Column, found: Mapping[str, Found]) -> N
         rest = _rest(column.name.rpartition(".")[2], key)
         if _LIKE_A_UNIT.fullmatch(rest) and rest.lower() not in _NO_UNITS:
             raise HarnessError(
-                f"{table.at_header}: column '{column.name}' begins like {key}, but '{rest}' is no unit that is known here; state "
-                f"one: --column '{key}={column.name} [UNIT]'"
+                f"{table.at_header}: column '{column.name}' begins like {key}, but '{rest}' is no unit that is known; "
+                f"state one: --column '{key}={column.name} [UNIT]'"
             )
         return
 

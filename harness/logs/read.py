@@ -123,9 +123,8 @@ def _times_of(found: Found, specs: Mapping[str, ColumnSpec], *, first: bool, lin
     if times is None:
         raise missing(found.table, ["time"], linear=linear)
     if len(times.column.values) != len(found.column.values):
-        raise HarnessError(
-            f"{found.where}: has {len(found.column.values)} rows, but its times ({times.column.called}) {len(times.column.values)}"
-        )
+        counts = f"{len(found.column.values)} rows, but its times ({times.column.called}) {len(times.column.values)}"
+        raise HarnessError(f"{found.where}: has {counts}")
     if times.column.number == found.column.number:
         raise HarnessError(f"{found.where}: is taken as time and as {found.spec.key}; it can be one of them")
     return times

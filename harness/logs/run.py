@@ -138,8 +138,9 @@ def _refuse_spikes(rows: Rows, which: NDArray[np.intp], flown: str) -> None:
     if bad.any():
         row = int(np.argmax(bad))
         place = found.cell(int(which[row])) if rows.own else found.where
+        written = found.numbers()[which[row]] if rows.own else series[row]
         raise HarnessError(
-            f"{place}: {found.numbers()[which[row]] if rows.own else series[row]:g} is far outside all other commands, for one "
+            f"{place}: {written:g} is far outside all other commands, for one "
             "row; if nothing was commanded there, leave the cell empty and say what the command does: held or ramped"
         )
 

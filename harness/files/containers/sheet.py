@@ -34,7 +34,9 @@ def read(path: Path, data: bytes) -> Table:
         body = [[*row, *[""] * (width - len(row))] for row in rows[head.start :]]
         columns, remarks = columns_of(pd.DataFrame(body), words, head.units)
         told = [f"sheet '{sheet.title}' is read; the file has {len(book.worksheets)}"] if len(book.worksheets) > 1 else []
-        return Table(path, columns, np.array(numbers[head.start :], dtype=np.int64), head.line, (*told, *head.remarks, *remarks))
+        return Table(
+            path, columns, np.array(numbers[head.start :], dtype=np.int64), head.line, (*told, *head.remarks, *remarks)
+        )
     raise HarnessError(f"{path}: no sheet holds a number")
 
 

@@ -1,4 +1,4 @@
-"""National Instruments' TDMS, by npTDMS: each group may have times of its own, or each channel a distance between its samples."""
+"""National Instruments' TDMS, by npTDMS: a group may have times of its own, or a channel a distance between its samples."""
 
 from io import BytesIO
 from pathlib import Path
