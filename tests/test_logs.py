@@ -247,7 +247,7 @@ BAD_COLUMNS = {
     "position=position [counts]": "is no angle",
     "position=position [mm]": "state .output. lead",
     "position=position [furl]": "not a known unit",
-    "motor_speed=position [Hz]": "counts periods",
+    "motor_speed=n [Hz]": "counts periods",
     "time=time [m]": "does not measure",
 }
 
@@ -255,7 +255,7 @@ BAD_COLUMNS = {
 @pytest.mark.parametrize("flag", BAD_COLUMNS)
 def test_bad_columns_get_one_line(flag: str, tmp_path: Path) -> None:
     path = tmp_path / "own.csv"
-    path.write_text(lines(_rows()))
+    path.write_text(lines(_rows() | {"n": _rows()["position"]}))
     result = CliRunner().invoke(app, ["identify", str(path), "--column", flag])
     assert isinstance(result.exception, HarnessError) and "\n" not in str(result.exception)
     with pytest.raises(HarnessError, match=BAD_COLUMNS[flag]):

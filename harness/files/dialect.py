@@ -28,6 +28,8 @@ TIME = re.compile(
 )
 """ISO 8601, or a time of day."""
 _OPEN = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+_POINTED = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}")
+"""A number whose point may stand before thousands."""
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:,\d{3}){2,}|[+-]?\d{1,3}(?:,\d{3})+\.\d*")
 
 
@@ -145,14 +147,14 @@ def _decimals(where: str, separator: str, cells: Iterable[str]) -> Dialect:
             open_one = cell
         elif commas:
             comma = cell
-        elif points:
+        elif points and not (point and _POINTED.fullmatch(cell)):
             point = cell
     if comma and grouped:
         raise HarnessError(
             f"{where}: in '{comma}' the comma is a decimal one, in '{grouped}' it is not; write decimal points"
         )
     if grouped_point or comma:
-        if point and not (grouped_point and re.fullmatch(r"[+-]?\d{1,3}\.\d{3}", point)):
+        if point and not (grouped_point and _POINTED.fullmatch(point)):
             raise HarnessError(
                 f"{where}: decimals are written as in '{comma or grouped_point}' and as in '{point}'; only one can be"
             )

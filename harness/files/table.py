@@ -15,7 +15,7 @@ class Column:
     `time`: name of its own time axis, where the file holds several rates (MDF4, TDMS); "" if the table has one.
     `labels`: the texts of a column whose cells are not all numbers; its values are places in them, and `odd` is the first
     row that is no number. `epoch`: of a column of dates or times of day, whose values are seconds since the first row:
-    seconds from 1970 (or midnight) to that row.
+    seconds from 1970 (or midnight) to that row. `seconds`: times that are in s by the format, whatever anybody states.
     """
 
     name: str
@@ -26,6 +26,7 @@ class Column:
     labels: tuple[str, ...] = ()
     odd: int = 0
     epoch: float | None = None
+    seconds: bool = False
 
     @property
     def called(self) -> str:

@@ -19,19 +19,27 @@ from harness.files.head import Head, find_head
 from harness.files.table import Table
 
 COMMENTS = ("#", "%", "//")
+MARKS = {
+    b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\0\0\xfe\xff": "utf-32",
+    b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
+}  # fmt: skip
+"""First bytes of a text, and its encoding; the longer ones first."""
 _OLD = tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1)
 EXACT: dict[str, Any] = {"float_precision": "round_trip"} if _OLD else {}
 """Numbers to the last bit, as Python reads them; pandas does so by itself from 3.1 on, and warns if it is asked to."""
 
 
 def decode(path: Path, data: bytes) -> str:
-    """The text of `data`: UTF-8 or UTF-16, with or without a mark, else Latin-1 as Windows writes it."""
-    for mark, encoding in ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+    """The text of `data`: UTF-8, UTF-16 or UTF-32, with or without a mark, else Latin-1 as Windows writes it."""
+    for mark, encoding in MARKS.items():
         if data.startswith(mark):
             return _decoded(path, data, encoding)
-    pairs = data[:4000]
-    for encoding, zeros in (("utf-16-le", pairs[1::2]), ("utf-16-be", pairs[0::2])):
-        if len(pairs) > 3 and zeros.count(0) > 0.9 * len(zeros):
+    begin = data[:4000]
+    for encoding, zeros in (
+        ("utf-32-le", begin[2::4] + begin[3::4]), ("utf-32-be", begin[0::4] + begin[1::4]),
+        ("utf-16-le", begin[1::2]), ("utf-16-be", begin[0::2]),
+    ):  # fmt: skip
+        if len(begin) > 7 and zeros.count(0) > 0.9 * len(zeros):
             return _decoded(path, data, encoding)
     if re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", data):
         raise HarnessError(f"{path}: is no text file, and none of the binary formats that can be read")
@@ -59,16 +67,14 @@ def read_text(path: Path, data: bytes) -> Table:
         raise HarnessError(f"{path}: the file is empty; a header such as 'time,command' and rows of numbers are needed")
     try:
         dialect = dialects.sniff(str(path), lines)
-        head = find_head(lines, comments, numbers, dialect)
+        head = find_head(str(path), lines, comments, numbers, dialect)
         width = _width(path, lines, numbers, head, dialect)
     except csv.Error as error:
         raise HarnessError(f"{path}: cannot be read as CSV: {error}") from None
     frame = _parsed(path, lines[head.start :], width, dialect)
     places = np.array(numbers[head.start :], dtype=np.int64)
     columns, remarks = columns_of(frame, head.words, head.units, dialect)
-    if head.skipped:
-        remarks = (f"{head.skipped} line(s) before the header are left out", *remarks)
-    return Table(path, columns, places, head.line, remarks)
+    return Table(path, columns, places, head.line, (*head.remarks, *remarks))
 
 
 def _content(text: str) -> tuple[list[int], list[str], list[tuple[int, str]]]:

@@ -15,8 +15,10 @@ Array = NDArray[np.float64]
 
 EPOCHS = ((1e9, 4e9, 1.0, "s"), (1e12, 4e12, 1e-3, "ms"), (1e15, 4e15, 1e-6, "us"), (1e17, 4e18, 1e-9, "ns"))
 """Least and greatest count since 1970 of a time in this unit [s], from 2001 to 2096."""
-TOGETHER = 1e-9
-"""Times [s] that are no further apart are the same row's."""
+NEAREST = 1e-6
+"""Usual distance of rows [s] below which times are in another unit, such as days."""
+TOGETHER, TOGETHER_DATED = 1e-9, 3e-7
+"""Times [s] that are no further apart are the same row's; of dates, whose seconds since 1970 are told to 0.2 us."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,10 @@ def axis_of(found: Found) -> Axis:
     if np.isnan(values).any():
         row = int(np.flatnonzero(np.isnan(values))[0])
         raise HarnessError(f"{found.cell(row)}: is empty; every row needs its time")
+    if column.seconds and found.spec.unit and conversion(found.spec.unit, "s", found.where) != (1.0, 0.0):
+        raise HarnessError(
+            f"{found.where}: [{found.spec.unit}] is stated, but the times of this format are in s; leave it out"
+        )
     if column.epoch is not None:
         return Axis(found, values, column.epoch)
     first = float(values[0]) if len(values) else 0.0
@@ -46,9 +52,19 @@ def axis_of(found: Found) -> Axis:
                 found, (values - first) * scale, first * scale, f"times count {name} since 1970; taken from the first row"
             )
     scale, _ = conversion(unit, "s", found.where) if unit else (1.0, 0.0)
-    if EPOCHS[0][0] <= first * scale <= EPOCHS[0][1]:
-        return Axis(found, (values - first) * scale, first * scale, "times count from 1970; taken from the first row")
+    if first * scale >= EPOCHS[0][0]:
+        return Axis(found, (values - first) * scale, first * scale, "times count from long ago; taken from the first row")
     return Axis(found, values * scale, None)
+
+
+def check_distance(where: str, time: Array) -> None:
+    """HarnessError, beginning with `where`, if times [s] are nearer to each other than a log's or a trial's can be."""
+    distance = float(np.median(np.diff(time)))
+    if distance < NEAREST:
+        raise HarnessError(
+            f"{where}: its times are {distance:.2g} s apart, {NEAREST:g} s are the least; are they in another unit? "
+            "State it, such as --column 'time=COLUMN [day]'"
+        )
 
 
 def check_rises(axis: Axis, rows: NDArray[np.intp], hint: str = "") -> None:
@@ -77,9 +93,10 @@ def joined(axes: Sequence[Axis]) -> tuple[Array, list[NDArray[np.intp]], str]:
     times = [axis.time + shift for axis, shift in zip(axes, shifts, strict=True)]
     if max(time[0] for time in times) >= min(time[-1] for time in times):
         raise HarnessError(f"{axes[-1].found.where}: has no time in common with {axes[0].found.where}")
+    together = TOGETHER_DATED if dated else TOGETHER
     every = np.sort(np.concatenate(times))
-    union = every[np.r_[True, np.diff(every) > TOGETHER]]
-    places = [np.searchsorted(union, time - TOGETHER) for time in times]
+    union = every[np.r_[True, np.diff(every) > together]]
+    places = [np.searchsorted(union, time - together) for time in times]
     return union, places, f"{len(axes)} columns of times are joined: {len(union)} rows"
 
 

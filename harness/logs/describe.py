@@ -1,6 +1,6 @@
 """What is in a file of columns: words, units, ranges, what each column is taken as or looks like, rate and gaps."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,10 @@ from harness.files.table import Column
 from harness.logs.axes import axis_of
 from harness.logs.find import find, find_times
 from harness.logs.guess import guesses
-from harness.logs.mapping import KEYS, parse_specs
+from harness.logs.mapping import KEYS, ColumnSpec, parse_specs
+from harness.logs.read import OWN_RUN, is_run
 from harness.logs.run import GAP
+from harness.logs.stimulus import DENSE
 
 BLOCKS = "▁▂▃▄▅▆▇█"
 WIDTH = 24
@@ -63,6 +65,8 @@ def describe(path: Path, columns: Mapping[str, str] | None = None, output: Outpu
     HarnessError if it cannot be read, or if `columns` names what is not there.
     """
     table, specs = read_table(path), parse_specs(columns or {})
+    own_run = bool(specs) and is_run(table)
+    specs = {} if own_run else specs
     taken = {each.column.number: key for key, each in find([table], specs, KEYS).items()}
     times = find_times(table, table.columns[0], specs, first=True)
     offered = {guess.column.number: guess for guess in guesses(table, linear=output is not None and output.lead is not None)}
@@ -72,12 +76,36 @@ def describe(path: Path, columns: Mapping[str, str] | None = None, output: Outpu
     described = []
     for column in table.columns:
         guess = offered.get(column.number)
-        if column.number in taken or (guess and guess.key in used):
+        if column.number in taken or (guess and guess.key in used) or (column.time and guess and guess.key == "time"):
             guess = None
         port = taken.get(column.number, "")
-        described.append(_described(column, port, guess.key if guess else "", guess.flag if guess else ""))
+        described.append(
+            _described(column, port, guess.key if guess else "", guess.flag if guess and guess.is_readable else "")
+        )
     rate, gaps, remark = _pace(table.columns[0] if times is None else times.column, times)
-    return Overview(path, table.header, tuple(described), rate, gaps, (*table.remarks, *([remark] if remark else [])))
+    remarks = (
+        *table.remarks,
+        *([OWN_RUN] if own_run else []),
+        *([remark] if remark else []),
+        *_hints(described, specs, rate),
+    )
+    return Overview(path, table.header, tuple(described), rate, gaps, remarks)
+
+
+def _hints(described: Sequence[Described], specs: Mapping[str, ColumnSpec], rate: float | None) -> list[str]:
+    """What the numbers do not tell, and a user may know."""
+    keys = {each.port or each.guess for each in described}
+    hints = []
+    said = any(spec.between for spec in specs.values())
+    if "command" in keys and not said and rate is not None and rate * DENSE < 1.0:
+        hints.append(
+            f"{1e3 / rate:.3g} ms lie between rows: if you know it, say of the command behind its unit: held or ramped"
+        )
+    if "equivalent_current" in keys and "equivalent_current_filtered" not in keys and "equivalent_current" not in specs:
+        hints.append(
+            "a current that the drive has low-passed is equivalent_current_filtered; or say behind its unit: filtered 2 ms"
+        )
+    return hints
 
 
 def _described(column: Column, port: str, guess: str, flag: str) -> Described:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError, unknown
 from harness.files.header import parse_words
 from harness.files.table import Column, Table
-from harness.logs.guess import OWN, guesses, plain
-from harness.logs.mapping import ColumnSpec
+from harness.logs.guess import ALIASES, guesses, own_key, plain
+from harness.logs.mapping import INPUTS, ColumnSpec
 
 Array = NDArray[np.float64]
 LISTED, LONGEST = 12, 40
@@ -56,7 +56,8 @@ class Found:
 def find(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], keys: Sequence[str]) -> dict[str, Found]:
     """The columns of `specs`, and of the other `keys` those that bear the key's own name, in any case.
 
-    HarnessError for a spec that names no column, or more than one; or an own name that is there twice.
+    HarnessError for a spec that names no column, or more than one, or one that is taken as something else too; or an own
+    name that is there twice.
     """
     found: dict[str, Found] = {}
     for key, spec in specs.items():
@@ -70,7 +71,19 @@ def find(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], keys: Sequenc
             if columns:
                 found[key] = Found(table, columns[0], ColumnSpec(key, columns[0].name))
                 break
+    _refuse_shared(found)
     return found
+
+
+def _refuse_shared(found: Mapping[str, Found]) -> None:
+    """HarnessError if one column is taken as two things."""
+    taken: dict[tuple[Path, int], str] = {}
+    for key, each in found.items():
+        if key in ("run", "group"):
+            continue
+        other = taken.setdefault((each.table.path, each.column.number), key)
+        if other != key:
+            raise HarnessError(f"{each.where}: is taken as {other} and as {key}; it can be one of them")
 
 
 def find_times(table: Table, column: Column, specs: Mapping[str, ColumnSpec], *, first: bool) -> Found | None:
@@ -81,7 +94,8 @@ def find_times(table: Table, column: Column, specs: Mapping[str, ColumnSpec], *,
     spec = specs.get("time")
     if column.time:
         axis = [each for each in table.columns if each.name == column.time]
-        return Found(table, axis[0], ColumnSpec("time", column.time, spec.unit if spec else "")) if axis else None
+        if axis or spec is None:
+            return Found(table, axis[0], ColumnSpec("time", column.time, spec.unit if spec else "")) if axis else None
     if spec is not None:
         columns = _matches(table, spec.column)
         if columns or first:
@@ -93,14 +107,25 @@ def find_times(table: Table, column: Column, specs: Mapping[str, ColumnSpec], *,
 
 
 def _named(table: Table, key: str) -> list[Column]:
-    """The column that bears the key's own name, in any case; HarnessError if there are two."""
-    named = [column for column in table.columns if OWN.get(plain(column.name)) == key]
-    exact = [column for column in named if column.name == key]
-    leaves = [column for column in table.columns if OWN.get(plain(column.name.rpartition(".")[2])) == key]
-    columns = exact if len(named) > 1 and len(exact) == 1 else (named or (leaves if len(leaves) == 1 else []))
-    if len(columns) > 1:
-        raise HarnessError(f"{table.at_header}: column '{columns[0].name}' is there twice")
-    return columns
+    """The column that bears the key's own name, in any case; HarnessError if there are two that are not the same."""
+    named = [column for column in table.columns if own_key(column.name) == key]
+    leaves = [column for column in table.columns if own_key(column.name.rpartition(".")[2]) == key and _may_be(column, key)]
+    named = named or (leaves if len(leaves) == 1 else [])
+    named.sort(key=lambda column: column.name != key)
+    for other in named[1:]:
+        if other.name == named[0].name or not np.array_equal(other.values, named[0].values, equal_nan=True):
+            also = f", as '{other.name}'" if other.name != named[0].name else ""
+            raise HarnessError(
+                f"{table.at_header}: column '{named[0].name}' is there twice{also}; name one: --column {key}=..."
+            )
+    return named[:1]
+
+
+def _may_be(column: Column, key: str) -> bool:
+    """Whether the groups that a column lies in may hold a key: what lies in `target` is no measured position."""
+    path = column.name.rpartition(".")[0]
+    said = [ALIASES.get(plain(part)) for part in (*path.split("."), path, column.name)]
+    return not any(other in (*INPUTS, "position_error", "position_demand") and other != key for other in said)
 
 
 def _stated(tables: Sequence[Table], spec: ColumnSpec) -> Found:

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.errors import HarnessError
 from harness.files.table import Column, Table
 from harness.logs.mapping import KEYS
+from harness.units import conversion
 
 _ALIASES = {
     "time": "t time zeit timestamp timestamps temps tiempo elapsed elapsedtime seconds sec times "
@@ -16,21 +18,23 @@ _ALIASES = {
     "positioncmd cmdposition poscmd cmdpos target targetposition positiontarget reference "
     "positionreference ref posref thetaref xref positionref demand soll sollwert "
     "sollposition sollweg lagesoll setposition desired desiredposition commandposition "
-    "poscommand input consigne",
+    "poscommand input consigne sollwinkel winkelsoll winkelsollwert solllage lagesollwert commandangle "
+    "anglecommand targetangle angletarget setangle anglesetpoint",
     "position": "position pos actualposition positionactual actualpos posactual positionactualvalue "
     "measuredposition positionmeasured posmeas ist istwert istposition istweg lageist weg "
     "theta angle winkel x stroke displacement travel encoder encoderposition feedback "
-    "positionfeedback output extension rodposition shaftangle",
+    "positionfeedback output extension rodposition shaftangle istwinkel winkelist winkelistwert istlage "
+    "lageistwert angleactual actualangle measuredangle outputangle",
     "motor_position": "motorposition motorangle rotorangle rotorposition thetam motorpos mechanicalangle "
     "resolver motorencoder",
     "motor_speed": "motorspeed speed velocity actualspeed actualvelocity speedactual velocityactual "
     "velocityactualvalue omega w wm omegam rotorspeed drehzahl motorvelocity "
-    "motordrehzahl geschwindigkeit rpm n speedfeedback vel motorrpm",
+    "motordrehzahl geschwindigkeit rpm n speedfeedback vel motorrpm istdrehzahl drehzahlist",
     "equivalent_current": "equivalentcurrent current iq motorcurrent actualcurrent currentactual "
     "currentactualvalue strom motorstrom istrom qcurrent iqmeas iqactual torquecurrent i "
     "curr amps currentmeasured measuredcurrent drivecurrent currentfeedback",
     "equivalent_current_filtered": "equivalentcurrentfiltered iqfiltered currentfiltered filteredcurrent iqfilt "
-    "currentaveraged currentactualvalueaveraged averagedcurrent currentavg meancurrent",
+    "currentaveraged currentactualvalueaveraged averagedcurrent currentavg meancurrent stromgefiltert",
     "phase_current_a": "phasecurrenta ia iu i1 currenta currentu phasecurrentu iphasea iphaseu phaseacurrent",
     "phase_current_b": "phasecurrentb ib iv i2 currentb currentv phasecurrentv iphaseb iphasev phasebcurrent",
     "phase_current_c": "phasecurrentc ic iw i3 currentc currentw phasecurrentw iphasec iphasew phaseccurrent",
@@ -55,7 +59,18 @@ def plain(word: str) -> str:
     return re.sub(r"[^a-z0-9]", "", word.lower())
 
 
+_FILTERED = re.compile(
+    r"(?:low[_ -]?pass(?:ed)?|smooth(?:ed)?|filt(?:ered)?|aver(?:aged?)?|avg|mean|gefiltert|gemittelt|lpf|tp)(?![a-z])",
+    re.IGNORECASE,
+)
+"""What says of a current that the drive has filtered it."""
 OWN = {plain(key): key for key in KEYS}
+_SIGNS = re.compile(r"[^A-Za-z0-9\s_.:()\[\]'\"-]")
+
+
+def own_key(word: str) -> str:
+    """The key whose own name a word is, "" if none; a word with other signs, such as a damaged degree's, is none."""
+    return "" if _SIGNS.search(word) else OWN.get(plain(word), "")
 
 
 @dataclass(frozen=True)
@@ -73,13 +88,38 @@ class Guess:
         unit = f" [{self.unit}]" if self.unit else ""
         return f"--column '{self.key}={name}{unit}'"
 
+    @property
+    def is_readable(self) -> bool:
+        """Whether its unit is one that the reader takes for its key."""
+        return not self.unit or any(_takes(self.unit, target) for target in TARGETS[self.key])
+
+
+WIDE, FAST = 2.5, 1500.0
+"""Ranges of a position [rad] and of a motor speed [rad/s] from which they are more likely in degrees and in rpm."""
+_PER_MINUTE = re.compile(r"1?/min|min\^?-1", re.IGNORECASE)
+TARGETS: dict[str, tuple[str, ...]] = {
+    "time": ("s",), "supply_voltage": ("V",), "load_torque": ("N.m", "N"), "temperature": ("degC",),
+    "motor_speed": ("rad/s", "m/s"), "run": ("",), "group": ("",),
+    **dict.fromkeys(("command", "position", "motor_position", "position_error", "position_demand"), ("rad", "m")),
+    **dict.fromkeys((key for key in KEYS if "current" in key), ("A",)),
+}  # fmt: skip
+"""Key -> units of which a column's has to be one kind: a shaft's, or a rod's."""
+
+
+def _takes(unit: str, target: str) -> bool:
+    try:
+        conversion(unit, target, "")
+    except HarnessError:
+        return False
+    return True
+
 
 def guesses(table: Table, *, linear: bool = False) -> list[Guess]:
     """A guess for each column that looks like something, each key once, in the columns' order."""
-    if any(column.name for column in table.columns):
-        found = [(column, _by_word(column)) for column in table.columns]
-    else:
-        found = _by_numbers(table.columns)
+    found = [(column, _by_word(column)) for column in table.columns]
+    if not any(key in ("command", "position", "motor_position") for _, key in found):
+        nameless = [column for column in table.columns if column.name.rpartition(".")[2].isdigit() or not column.name]
+        found = _by_numbers(nameless, next((column for column, key in found if key == "time"), None)) + found
     taken: dict[str, Guess] = {}
     for column, key in found:
         if key and key not in taken and (not column.labels or key in ("run", "group")):
@@ -91,6 +131,9 @@ def _by_word(column: Column) -> str:
     leaf = column.name.rpartition(".")[2]
     for word in (column.name, leaf, f"{leaf}_{column.unit}"):
         key = OWN.get(plain(word)) or ALIASES.get(plain(word))
+        if not key and _FILTERED.search(word):
+            bare = plain(_FILTERED.sub("", word))
+            key = "equivalent_current_filtered" if ALIASES.get(bare) == "equivalent_current" else ""
         if key == "position" and _counts(column):
             return "run"
         if key:
@@ -98,9 +141,11 @@ def _by_word(column: Column) -> str:
     return ""
 
 
-def _by_numbers(columns: Sequence[Column]) -> list[tuple[Column, str]]:
+def _by_numbers(columns: Sequence[Column], times: Column | None = None) -> list[tuple[Column, str]]:
     """Without words: the first column that only rises is the time, the next is commanded, what is most like it follows."""
-    rising = next((c for c in columns if len(c.values) > 1 and not c.labels and bool(np.all(np.diff(c.values) > 0.0))), None)
+    rising = times or next(
+        (c for c in columns if len(c.values) > 1 and not c.labels and bool(np.all(np.diff(c.values) > 0.0))), None
+    )
     if rising is None:
         return []
     rest = [c for c in columns if c is not rising and not c.labels and _varies(c)]
@@ -137,6 +182,8 @@ def _likeness(one: np.ndarray, other: np.ndarray) -> float:
 
 def _unit(column: Column, key: str, *, linear: bool) -> str:
     """The unit as written, or the one that the numbers suggest."""
+    if column.unit and key == "motor_speed" and not any(_takes(column.unit, target) for target in TARGETS[key]):
+        return "rpm" if _PER_MINUTE.fullmatch(column.unit.strip()) else column.unit
     if column.unit or column.labels or key in ("run", "group"):
         return column.unit
     values = column.values[np.isfinite(column.values)]
@@ -147,7 +194,9 @@ def _unit(column: Column, key: str, *, linear: bool) -> str:
         step = float(np.median(np.abs(np.diff(values))))
         return "ms" if 0.5 <= step <= 50.0 and values[0] < 1e9 else ("us" if 50.0 < step <= 5e4 and values[0] < 1e9 else "")
     if key in ("position", "command", "position_demand", "position_error"):
-        return "mm" if linear and spread > 0.5 else ("deg" if not linear and spread > 6.3 else "")
+        return "mm" if linear and spread > 0.5 else ("deg" if not linear and spread > WIDE else "")
+    if key == "motor_speed":
+        return "rpm" if spread > FAST else ""
     if "current" in key:
         return "mA" if spread > 500.0 else ""
     return ""

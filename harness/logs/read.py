@@ -15,9 +15,9 @@ from harness.files.table import Table
 from harness.logs.axes import Axis, axis_of, check_rises, joined
 from harness.logs.convert import inside
 from harness.logs.find import Found, find, find_times, missing, require_rows
-from harness.logs.guess import guesses
+from harness.logs.leftout import left_out
 from harness.logs.log import CHANNELS, Log
-from harness.logs.mapping import INPUTS, KEYS, ColumnSpec, parse_specs
+from harness.logs.mapping import KEYS, ColumnSpec, parse_specs
 from harness.logs.run import Rows, log_of
 
 Array = NDArray[np.float64]
@@ -75,6 +75,8 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
     linear = output.lead is not None
     found = find(tables, specs, KEYS)
     any_times = find_times(first, first.columns[0], specs, first=True) if not first.columns[0].time else True
+    remarks = [remark for table in tables for remark in table.remarks]
+    remarks += [] if is_run(first) else left_out(first, found)
     _check_enough(first, found, bool(any_times), linear=linear)
     if "position" in found:
         found.pop("position_error", None)
@@ -82,14 +84,10 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
     axes: dict[tuple[int, int], Axis] = {}
     of: dict[str, tuple[int, int]] = {}
     for key, each in found.items():
-        times = find_times(each.table, each.column, specs, first=each.table is first)
-        if times is None:
-            raise missing(each.table, ["time"], linear=linear)
+        times = _times_of(each, specs, first=each.table is first, linear=linear)
         of[key] = (tables.index(each.table), times.column.number)
         axes.setdefault(of[key], axis_of(times))
-    remarks = [remark for table in tables for remark in table.remarks] + [
-        axis.remark for axis in axes.values() if axis.remark
-    ]
+    remarks += [axis.remark for axis in axes.values() if axis.remark]
     values: dict[str, Array] = {}
     labels: dict[str, Sequence[str]] = {}
     for key, each in found.items():
@@ -112,7 +110,24 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
             spread = np.full(len(time), np.nan)
             spread[places[list(axes).index(of[key])]] = values[key]
             values[key] = spread
-    return Rows(first, axes[demand], time, values, labels, found, tuple(remarks + _left_out(first, found)), len(axes) == 1)
+    return Rows(first, axes[demand], time, values, labels, found, tuple(remarks), len(axes) == 1)
+
+
+def _times_of(found: Found, specs: Mapping[str, ColumnSpec], *, first: bool, linear: bool) -> Found:
+    """The times of a column's rows; HarnessError if there are none, or not as many."""
+    times = find_times(found.table, found.column, specs, first=first)
+    if times is None and found.column.time:
+        raise HarnessError(
+            f"{found.where}: which times its {len(found.column.values)} rows have is open; name them: --column time=COLUMN"
+        )
+    if times is None:
+        raise missing(found.table, ["time"], linear=linear)
+    if len(times.column.values) != len(found.column.values):
+        counts = f"{len(found.column.values)} rows, but its times ({times.column.called}) {len(times.column.values)}"
+        raise HarnessError(f"{found.where}: has {counts}")
+    if times.column.number == found.column.number:
+        raise HarnessError(f"{found.where}: is taken as time and as {found.spec.key}; it can be one of them")
+    return times
 
 
 def is_run(table: Table) -> bool:
@@ -133,22 +148,18 @@ def _check_enough(first: Table, found: Mapping[str, Found], times: bool, *, line
         raise missing(first, ["position"], linear=linear)
 
 
-def _left_out(table: Table, found: Mapping[str, Found]) -> list[str]:
-    """A remark on columns that look like an input but are not taken: a misspelt load is no load."""
-    used = {each.column.number for each in found.values() if each.table is table}
-    lost = [
-        guess
-        for guess in guesses(table)
-        if guess.key in INPUTS[1:] and guess.column.number not in used and guess.key not in found
-    ]
-    return [f"column {guess.column.called} is left out; to take it: {guess.flag}" for guess in lost]
-
-
 def _labels(found: Found) -> Sequence[str]:
     column = found.column
     if not column.labels:
-        return [f"{value:g}" if np.isfinite(value) else "" for value in column.values]
+        return [_label(value) for value in column.values]
     return [column.labels[int(place)] if np.isfinite(place) else "" for place in column.values]
+
+
+def _label(value: float) -> str:
+    """A run's number, to the last digit: numbers that differ are different runs."""
+    if not np.isfinite(value):
+        return ""
+    return str(int(value)) if value.is_integer() and abs(value) < 2.0**53 else repr(float(value))
 
 
 def _runs(rows: Rows) -> list[tuple[str, str, NDArray[np.intp]]]:

@@ -12,7 +12,7 @@ from harness.actuators.actuator import Output
 from harness.errors import HarnessError
 from harness.files.reader import stem
 from harness.files.table import Table
-from harness.logs.axes import Axis, check_rises, filled
+from harness.logs.axes import Axis, check_distance, check_rises, filled
 from harness.logs.find import Found, require_rows
 from harness.logs.log import CHANNELS, Between, Log, Logger
 from harness.logs.spikes import spikes
@@ -68,10 +68,11 @@ def log_of(
     which = _commanded(rows, which, flown, between, remarks)
     time = rows.time[which]
     _check_rate(where, time, rows.found)
+    _refuse_spikes(rows, which, flown)
     inputs = {"command": filled(time, rows.values[flown][which], between)}
     for key in ("load_torque", "supply_voltage"):
         if key in rows.values and np.isfinite(rows.values[key][which]).any():
-            inputs[key] = filled(time, rows.values[key][which], None)
+            inputs[key] = filled(time, _without_spikes(rows, which, key, remarks), None)
     channels, loggers = _channels(rows, which, inputs["command"], ratio, remarks)
     if not channels:
         raise HarnessError(f"{where}: {SAME}")
@@ -119,7 +120,34 @@ def _commanded(
     return which[first:last]
 
 
+def _without_spikes(rows: Rows, which: NDArray[np.intp], key: str, remarks: list[str]) -> Array:
+    """What was measured in the rows `which`, not a number where it cannot be, which is remarked."""
+    found, series = rows.found[key], rows.values[key][which].copy()
+    bad = spikes(series)
+    if bad.any():
+        line = f", the first in {found.cell(int(which[np.argmax(bad)]))}" if rows.own else f" in {found.where}"
+        remarks.append(f"{np.count_nonzero(bad)} isolated spike(s) are masked{line}")
+        series[bad] = np.nan
+    return series
+
+
+def _refuse_spikes(rows: Rows, which: NDArray[np.intp], flown: str) -> None:
+    """HarnessError, with the line, for a command that cannot have been one: it would be flown."""
+    series, found = rows.values[flown][which], rows.found[flown]
+    bad = spikes(series)
+    if bad.any():
+        row = int(np.argmax(bad))
+        place = found.cell(int(which[row])) if rows.own else found.where
+        written = found.numbers()[which[row]] if rows.own else series[row]
+        raise HarnessError(
+            f"{place}: {written:g} is far outside all other commands, for one "
+            "row; if nothing was commanded there, leave the cell empty and say what the command does: held or ramped"
+        )
+
+
 def _check_rate(where: str, time: Array, found: Mapping[str, Found]) -> None:
+    if len(time) > 1:
+        check_distance(where, time)
     rate = 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if rate < LEAST_RATE * 0.98:
         raise HarnessError(
@@ -138,13 +166,10 @@ def _channels(
         found = rows.found.get(key)
         if found is None:
             continue
-        series = rows.values[key][which].copy()
-        bad = spikes(series)
-        if bad.any():
-            line = f", the first in {found.cell(int(which[np.argmax(bad)]))}" if rows.own else f" in {found.where}"
-            remarks.append(f"{np.count_nonzero(bad)} isolated spike(s) are masked{line}")
-            series[bad] = np.nan
-        elif rows.own and np.isnan(series).any():
+        missing = np.isnan(rows.values[key][which]).any()
+        told = len(remarks)
+        series = _without_spikes(rows, which, key, remarks)
+        if rows.own and missing and len(remarks) == told:
             remarks.append(
                 f"column {found.column.called}: no number in {np.count_nonzero(np.isnan(series))} of {len(series)} rows"
             )

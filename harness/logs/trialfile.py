@@ -10,7 +10,7 @@ from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError, unknown
 from harness.files.reader import read_table, stem
-from harness.logs.axes import axis_of, check_rises
+from harness.logs.axes import axis_of, check_distance, check_rises
 from harness.logs.convert import inside
 from harness.logs.find import find, find_times, missing, require_rows
 from harness.logs.log import Between
@@ -62,7 +62,10 @@ def read_trial(
         if np.isnan(values).any():
             row = int(np.flatnonzero(np.isnan(values))[0])
             raise HarnessError(f"{found[name].cell(row)}: holds no number; every row of a trial needs one")
+        if len(axis.time) != len(values):
+            raise HarnessError(f"{found[name].where}: has {len(values)} rows, its times {axis.found.where} {len(axis.time)}")
         check_rises(axis, np.arange(len(values)))
+        check_distance(str(path), axis.time)
         points = _points(path, axis.time) if name == "command" else points
         held = found[name].spec.between is Between.HELD
         rows = np.maximum(np.searchsorted(axis.time, points + 1e-9, side="right") - 1, 0)

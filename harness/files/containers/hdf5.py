@@ -1,6 +1,6 @@
 """HDF5, by h5py: any layout of groups; and MATLAB's 7.3, which is HDF5 with structs as groups."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ LARGEST = 2_000_000_000
 
 
 def read(path: Path, data: bytes) -> Table:
-    """Every data set of numbers by its dotted path; the attribute `units` or `unit` is its unit."""
+    """Every data set of numbers by its dotted path; the attribute `units` or `unit`, in any case, is its unit."""
     import h5py
 
     with h5py.File(BytesIO(data), "r") as file:
@@ -36,10 +36,28 @@ def _walk(group: Any, before: str) -> Iterator[Array]:
         if isinstance(item, h5py.Group):
             yield from _walk(item, f"{name}.")
         elif item.dtype.kind in "biufV" and item.nbytes < LARGEST and item.ndim in (1, 2):
-            unit = item.attrs.get("units", item.attrs.get("unit", item.attrs.get("Unit", "")))
-            yield Array(name, item[()], unit.decode() if isinstance(unit, bytes) else str(unit))
+            attributes = {key.lower(): value for key, value in item.attrs.items()}
+            unit = attributes.get("units", attributes.get("unit", ""))
+            yield Array(name, _physical(item[()], attributes), _as_text(unit))
         elif h5py.check_string_dtype(item.dtype) is not None and item.shape == ():
             yield Array(name, np.array(item.asstr()[()]))
+
+
+def _as_text(attribute: Any) -> str:
+    """An attribute that is a text: one of bytes, or the first of an array of them, too."""
+    first = attribute.ravel()[0] if isinstance(attribute, np.ndarray) and attribute.size else attribute
+    return first.decode("utf-8", "replace") if isinstance(first, bytes) else str(first)
+
+
+def _physical(values: Any, attributes: Mapping[str, Any]) -> Any:
+    """The values that NetCDF's attributes make of those written: scale_factor, add_offset, and _FillValue for none."""
+    numbers = {
+        key: float(np.ravel(attributes[key])[0]) for key in ("scale_factor", "add_offset", "_fillvalue") if key in attributes
+    }
+    if not numbers or values.dtype.kind not in "iuf":
+        return values
+    known = np.where(values == numbers.get("_fillvalue", np.nan), np.nan, values)
+    return known * numbers.get("scale_factor", 1.0) + numbers.get("add_offset", 0.0)
 
 
 def read_matlab(path: Path, data: bytes) -> Table:

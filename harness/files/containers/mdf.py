@@ -36,7 +36,7 @@ def read(path: Path, data: bytes) -> Table:
             master = file.get_master(place)
             if not len(master):
                 continue
-            arrays.append(Array(f"{before}time", master, "s", f"{before}time"))
+            arrays.append(Array(f"{before}time", master, "s", f"{before}time", seconds=True))
             master_index = file.masters_db.get(place)
             for index, channel in enumerate(group.channels):
                 if index == master_index:

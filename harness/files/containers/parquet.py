@@ -8,6 +8,7 @@ from harness.files.table import Table
 
 
 def read(path: Path, data: bytes) -> Table:
+    """Every column by its name; what pandas has kept as its index is a column too."""
     import pyarrow.parquet as pq
 
     found = pq.read_table(BytesIO(data))
@@ -15,5 +16,5 @@ def read(path: Path, data: bytes) -> Table:
     for field in found.schema:
         metadata = field.metadata or {}
         units.append(next((metadata[key].decode() for key in (b"units", b"unit") if key in metadata), ""))
-    columns, remarks = columns_of(found.to_pandas(), [str(name) for name in found.column_names], units)
+    columns, remarks = columns_of(found.to_pandas(ignore_metadata=True), [str(name) for name in found.column_names], units)
     return Table(path, columns, remarks=remarks)

@@ -28,13 +28,15 @@ def read(path: Path, data: bytes) -> Table:
         if not any(kind(cell) is Kind.NUMBER for row in rows for cell in row):
             continue
         numbers = [n for n, _ in numbered]
-        head = head_of(rows, numbers, rows[-20:])
+        head = head_of(str(path), rows, numbers, rows[-20:])
         width = max(map(len, rows[head.start :]))
         words = [*head.words, *[""] * (width - len(head.words))] if head.words else ()
         body = [[*row, *[""] * (width - len(row))] for row in rows[head.start :]]
         columns, remarks = columns_of(pd.DataFrame(body), words, head.units)
         told = [f"sheet '{sheet.title}' is read; the file has {len(book.worksheets)}"] if len(book.worksheets) > 1 else []
-        return Table(path, columns, np.array(numbers[head.start :], dtype=np.int64), head.line, (*told, *remarks))
+        return Table(
+            path, columns, np.array(numbers[head.start :], dtype=np.int64), head.line, (*told, *head.remarks, *remarks)
+        )
     raise HarnessError(f"{path}: no sheet holds a number")
 
 
@@ -43,4 +45,6 @@ def _text(cell: Any) -> str:
         return ""
     if isinstance(cell, datetime | date | time):
         return cell.isoformat()
-    return repr(float(cell)) if isinstance(cell, int | float) else str(cell).strip()
+    if isinstance(cell, int) and not isinstance(cell, bool):
+        return str(cell)
+    return repr(float(cell)) if isinstance(cell, bool | float) else str(cell).strip()
