@@ -121,12 +121,17 @@ def test_intervals_cover_the_truth_over_many_noises(folder, fmus):
 
 
 def test_where_stick_and_slip_stall_every_search_evolution_goes_on(folder, fmus):
-    """A valley of friction and gain, bent by when the shaft sticks in its backlash: least squares alone end 0.6 % off."""
+    """A valley of friction and gain, bent by when the shaft sticks in its backlash: least squares alone end 0.3 % off or
+    more, and ELF+'s own difference from HF hides where in it the truth lies."""
     truth = {"friction": 2.7, "backlash": 71.0, "gain": 1.465}
     found = diagnose(folder, columns(fmus["HF"], "STEP-RAMP", truth, rate=500.0))
     assert not found.complaints
     assert found.estimate("gain").alarm and found.estimate("gain").value == pytest.approx(1.465, abs=0.05)
-    assert found.estimate("friction").low <= 2.7 <= found.estimate("friction").high
+    for item in found.estimates:
+        healthy = FAULTS[item.fault].healthy if item.fault in FAULTS else None
+        value = truth.get(item.fault, healthy)
+        assert value is None or item.low <= value <= item.high
+    assert {item.fault for item in found.estimates if item.alarm} == set(truth)
 
 
 def test_phase_currents_do_instead_of_the_filtered_one(folder, fmus):
@@ -264,7 +269,12 @@ def test_command_writes_page_and_json_and_ends_with_1_if_unexplained(folder, fmu
     assert written["explained"] and written["faults"]["friction"]["alarm"] and written["evaluations"] > 50
     assert written["monitor"] == "ELF+" and list(written["faults"]) == list(ESTIMATED)
     page = (tmp_path / "good_identified.html").read_text()
-    assert "faulty: friction" in page and "identified" in page and "http-equiv" not in page
+    assert (
+        "residual: model minus measured" in page
+        and "faulty: friction" in page
+        and "identified" in page
+        and "http-equiv" not in page
+    )
     result = CliRunner().invoke(app, ["identify", str(bad), *common])
     assert result.exit_code == 1 and "not explained" in result.output and "ALARM" not in result.output
 

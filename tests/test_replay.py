@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import slow
+from plant import CURRENT, NOISE, columns
 from typer.testing import CliRunner
 
 from harness.actuators.actuator import Output
@@ -34,10 +35,11 @@ def fly(log: Log, fmus: dict[str, Path], fidelity: str = "ELF+", **other: float)
 def test_a_right_twin_lies_on_the_log_within_its_sensors(log, fmus):
     """Hall counts leave a step over the root of 12, the current its 1 % of noise and HF's ripple; shifts as made."""
     found = {item.name: item for item in fly(log, fmus).channels}
-    step = 2.0 * np.pi / slow.COUNTS
-    assert found["motor_position"].rms == pytest.approx(step / np.sqrt(12.0), rel=0.2)
+    step = slow.LEAD / 20.0 / slow.COUNTS
+    assert found["position"].unit == "m" and found["position"].rms == pytest.approx(step / np.sqrt(12.0), rel=0.2)
     assert 0.009 < found["equivalent_current"].nrmse < 0.015
-    for name, shift in slow.SHIFTS.items():
+    for port, shift in slow.SHIFTS.items():
+        name = "position" if port == "motor_position" else port
         assert found[name].shift == pytest.approx(shift, abs=5e-4) and found[name].lag == pytest.approx(shift, abs=5e-4)
         assert found[name].nrmse_unshifted > 1.5 * found[name].nrmse
 
@@ -53,13 +55,70 @@ def test_the_tracking_error_is_that_of_the_user_side_in_metres(log, fmus):
 
 def test_what_fits_best_between_rows_is_found_and_said(log, fmus):
     open_ = fly(replace(log, between=None), fmus)
-    assert open_.between is Between.HELD and "held fits best" in open_.remarks[-1]
+    assert open_.between is Between.HELD and any("held fits best" in line for line in open_.remarks)
 
 
 def test_a_lag_beyond_a_row_is_no_shift(log, fmus):
     late = replace(log, channels={**log.channels, "motor_position": np.roll(log.channels["motor_position"], 3)})
     item = fly(late, fmus).channels[0]
     assert abs(item.shift) <= 0.01 + 1e-12 and item.lag == pytest.approx(slow.SHIFTS["motor_position"] - 0.03, abs=2e-3)
+
+
+def changed(log: Log, **channels: np.ndarray) -> Log:
+    return replace(log, channels={**log.channels, **channels})
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda c: {"equivalent_current": 1e3 * c["equivalent_current"]}, "mA instead of A?"),
+        (lambda c: {"motor_position": -c["motor_position"]}, "times the command: the other sign?"),
+        (lambda c: {"motor_position": 1e3 * c["motor_position"]}, "mm instead of m?"),
+    ],
+    ids=["mA", "sign of the position", "mm"],
+)
+def test_wrong_units_and_signs_are_remarked(change, says, log, fmus):
+    """The log is right, so the factor that was put on it is the truth."""
+    assert not any("?" in line for line in fly(log, fmus).remarks)
+    assert any(says in line for line in fly(changed(log, **change(log.channels)), fmus).remarks)
+
+
+@pytest.mark.parametrize(
+    "name, factor, says",
+    [
+        ("motor_speed", 30.0 / np.pi, "motor_speed: it is 9.55 times what the twin makes: rpm instead of rad/s?"),
+        (CURRENT, -1.0, "times what the twin makes: the other sign?"),
+        ("position", 180.0 / np.pi, "times the command: degrees instead of rad?"),
+    ],
+)
+def test_the_same_of_a_dense_log(name, factor, says, fmus):
+    table = columns(fmus["HF"], "SIN", {}, rate=1000.0)
+    channels = {port: table[port] for port in NOISE}
+    dense = Log("run", Path("run.csv"), table["time"], {"command": table["command"]}, channels)
+    with Twin(fmus["ELF"]) as twin:
+        right = replay(dense, twin, FIDELITIES["ELF+"])
+        wrong = replay(changed(dense, **{name: factor * channels[name]}), twin, FIDELITIES["ELF+"])
+    assert not right.remarks and any(says in line for line in wrong.remarks)
+
+
+def test_a_log_beyond_the_twins_stops_is_remarked(log, fmus):
+    """+-1 rad of the screw, with the stops at 0.3 rad: 0.477 mm of 10 mm a turn."""
+    remarks = fly(log, fmus, **{"mechanics.end_stop": 0.3}).remarks
+    beyond = [line for line in remarks if "beyond the end stops at 0.000477 m" in line]
+    assert [line.partition(":")[0] for line in beyond] == ["command", "position"] and "rpm" not in "".join(remarks)
+
+
+def test_shifts_and_lags_at_their_bounds_are_remarked(log, fmus):
+    remarks = fly(changed(log, motor_position=np.roll(log.channels["motor_position"], 8)), fmus).remarks
+    assert any("position is shifted in time by -10 ms, as far as is allowed" in line for line in remarks)
+    assert any("position: the twin's lag is at the bound of what is looked for, -50 ms" in line for line in remarks)
+
+
+def test_a_position_on_the_motor_of_a_rotary_actuator_is_shown_in_rad_of_the_users_shaft(log, fmus):
+    rotary = fly(replace(log, output=Output()), fmus)
+    item = rotary.channels[0]
+    assert (item.name, item.unit) == ("position", "rad") and any("measured on the motor" in line for line in rotary.remarks)
+    np.testing.assert_allclose(item.measured, log.channels["motor_position"] / 20.0)
 
 
 def test_masked_rows_are_left_out(log, fmus):
@@ -89,10 +148,11 @@ def test_command_writes_page_and_json(log, fmus, tmp_path):
     )
     assert result.exit_code == 0, result.output
     written = json.loads((tmp_path / "r.json").read_text())
-    assert set(written["channels"]) == {"motor_position", "equivalent_current"} and written["command"] == "held"
-    assert {"rms", "nrmse", "nrmse_20hz", "lag"} <= set(written["channels"]["motor_position"])
+    assert set(written["channels"]) == {"position", "equivalent_current"} and written["command"] == "held"
+    assert {"rms", "nrmse", "nrmse_20hz", "lag"} <= set(written["channels"]["position"])
     assert set(written["tracking_error"]) == {"unit", "measured", "twin", "difference", "ratio", "ratio_unshifted"}
     page = (tmp_path / "drive_replayed.html").read_text()
+    assert "residual: model minus measured" in page and '"name":"command"' in page and "What the figures mean" in page
     assert "residual" in page and "ELF+" in page and "http-equiv" not in page
 
 

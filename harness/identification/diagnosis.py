@@ -6,9 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ema_fmu_src import ports
 from harness.faults import FAULTS, KINDS, THRESHOLD
 from harness.fidelity import FIDELITIES, Fidelity
 from harness.identification.between import decided
@@ -18,9 +15,7 @@ from harness.identification.measured import Measured
 from harness.identification.model import Model
 from harness.identification.search import TOLERANCE
 from harness.identification.unexplained import unexplained
-
-AT_BOUND = 0.95
-"""Part of its bound from which a shift in time is said to have come to it."""
+from harness.logs.hints import at_bounds
 
 
 @dataclass(frozen=True)
@@ -29,8 +24,9 @@ class Diagnosis:
 
     `name`: the run's; `fidelity`: the model's. `complaints`: a line for each channel that the model cannot explain; then
     `health` is None, and else the least of the faults'. `nuisances`: what was estimated beside the faults, such as
-    `shift.position` [s], by how much that channel was shifted in time: value, sigma, unit. `measured`: the run as it was
-    fitted, with what its command does between rows decided. `evaluations`: runs of FMUs; `seconds` of wall time.
+    `shift.position` [s], by how much that channel, named as it is shown, was shifted in time: value, sigma, unit.
+    `measured`: the run as it was fitted, with what its command does between rows decided. `evaluations`: runs of FMUs;
+    `seconds` of wall time.
     """
 
     name: str
@@ -96,8 +92,10 @@ def identify(
     with Model(fmus, searched, measured, given) as model, Model(fmus, judging, measured, given) as judge:
         found = fit(model, measured, judge, corrected=fidelity == judging)
         evaluations = model.evaluations + judge.evaluations
-    end_stop = given.get("mechanics.end_stop", ports.VARIABLES[ports.INDEX["mechanics.end_stop"]].start)
-    complaints = [*unexplained(found, measured, tolerance, end_stop), *_beyond(found, measured)]
+    complaints = [
+        *unexplained(found, measured, tolerance, given),
+        *at_bounds([measured.shown[name].name for name in measured.channels], found.shifts.tolist(), measured.shift_bound),
+    ]
     estimates = estimates_of(found, limits or {}, threshold)
     if complaints:
         estimates = [replace(item, health=None, alarm=False) for item in estimates]
@@ -121,17 +119,9 @@ def identify(
 def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, Any]]:
     """The channels' shifts in time, by name."""
     shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), strict=False)
-    return {f"shift.{name}": {"value": value, "sigma": sigma, "unit": "s"} for name, value, sigma in shifts}
-
-
-def _beyond(found: Fit, measured: Measured) -> list[str]:
-    """A line for each channel whose shift has come to its bound: most likely it is beyond, and faults make up for it."""
-    at_bound = np.abs(found.shifts) > AT_BOUND * measured.shift_bound
-    return [
-        f"{name} is shifted in time by {1e3 * shift:.3g} ms, as far as is allowed: are its times and the command's right?"
-        for name, shift, stopped in zip(measured.channels, found.shifts, at_bound, strict=False)
-        if stopped
-    ]
+    return {
+        f"shift.{measured.shown[name].name}": {"value": value, "sigma": sigma, "unit": "s"} for name, value, sigma in shifts
+    }
 
 
 def _remarks(estimates: Sequence[Estimate]) -> list[str]:

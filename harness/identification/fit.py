@@ -46,18 +46,18 @@ class Fit:
 def fit(model: Model, measured: Measured, judge: Model, *, corrected: bool = False) -> Fit:
     """The faults with which `model` explains the run best; if `corrected`, those with which `judge` does, through `model`.
 
-    If not, the judge, a better model, is flown once with the faults found: its difference from the model says how far the
+    If not, the judge, a better model, is flown with the faults found: its difference from the model says how far the
     model's simplifications may have moved them, and the covariance grows by as much.
     """
     problem = Problem(model, measured)
-    best, sigma = explain(problem)
+    best, sigma = explain(problem, judge)
     if corrected:
         best, sigma = map_space(problem, judge, best.x)
     fitted = judge if corrected else model
     z, shifts = problem.split(best.x)
     predicted, healthy = fitted.predict(z, shifts), fitted.predict(ORIGIN, shifts)
     difference = predicted - measured.values
-    gap = np.zeros(difference.shape) if corrected else judge.predict(z, shifts) - predicted
+    gap = np.zeros(difference.shape) if corrected else model.apart(judge, z, shifts)
 
     n = len(ORIGIN)
     jacobian = best.jac[: -len(best.x)]  # without the rows of the pull towards healthy

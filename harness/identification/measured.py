@@ -15,6 +15,7 @@ from harness.logs.noise import filled, quantum_of
 from harness.logs.observer import Observer, observer_of, shift_bound
 from harness.logs.read import read_one
 from harness.logs.run import SAME
+from harness.logs.shown import ON_THE_MOTOR, Shown, shown
 from harness.logs.start import resting, start_of
 from harness.logs.stimulus import trials_of
 from harness.trials import Trial
@@ -59,6 +60,8 @@ class Measured:
     observer: Observer = field(repr=False)
     shift_bound: float = 0.0
     remarks: tuple[str, ...] = ()
+    output: Output = field(default_factory=Output)
+    shown: Mapping[str, Shown] = field(default_factory=dict)
 
     @property
     def trial(self) -> Trial:
@@ -126,9 +129,22 @@ def measured_from_log(log: Log, parameters: Mapping[str, float] | None = None) -
     ):
         remarks += ("no current: friction and windings show in the position alone, if at all",)
     if "position" not in channels:
-        remarks += ("the position was measured on the motor: what lies behind it, such as backlash, shows only in part",)
+        remarks += (f"{ON_THE_MOTOR}: what lies behind it, such as backlash, shows only in part",)
     observer = observer_of(log, next(iter(trials.values())), tuple(channels))
-    return Measured(log.name, log.time, trials, channels, start.initial, informative, observer, bound, remarks)
+    as_shown = {name: shown(name, channels, log.output, given) for name in channels}
+    return Measured(
+        log.name,
+        log.time,
+        trials,
+        channels,
+        start.initial,
+        informative,
+        observer,
+        bound,
+        remarks,
+        log.output,
+        as_shown,
+    )
 
 
 def _chosen(log: Log) -> dict[str, Array]:

@@ -7,6 +7,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from ema_fmu_src import ports
 from harness.fidelity import Fidelity
@@ -17,6 +18,12 @@ from harness.parameters import merged
 
 Array = NDArray[np.float64]
 
+RIPPLE = 0.01
+"""Window [s] over which the difference of two fidelities is averaged: many periods of the inverter, few of a run."""
+FLIGHTS, HAIR = 4, 1e-9
+"""Flights of the other fidelity that are averaged, and by how much their faults differ, in spans."""
+LOWEST, HIGHEST = coordinates.scaled(coordinates.LOWEST), coordinates.scaled(coordinates.HIGHEST)
+"""Bounds of the search in scaled coordinates."""
 MOST_ECCENTRIC = 0.97
 """Of motor.p * fault.zeta, which has to stay below 1: more pole pairs leave less room than the search has."""
 
@@ -51,6 +58,19 @@ class Model:
         """
         flown = self._flown(z)
         return self._measured.observer.rows(flown, np.zeros(flown.shape[1]) if shifts is None else shifts)
+
+    def apart(self, other: "Model", z: Array, shifts: Array) -> Array:
+        """How far another fidelity is from this one with the faults `z`, as `predict` has it, shape (n_rows, n_channels).
+
+        Smoothed over RIPPLE before rows are taken, and the mean of FLIGHTS of the other, a hair apart: HF's ripple is
+        chaotic in rounding. In rows it would be noise, of which a run shows its own, and what it moves would be drawn anew
+        with every last digit.
+        """
+        hairs = HAIR * np.arange(FLIGHTS)
+        flights = [other._flown(np.clip(z + hair, LOWEST, HIGHEST)) for hair in hairs]
+        width = max(1, round(RIPPLE / self._measured.trial.step))
+        smooth = uniform_filter1d(np.mean(flights, axis=0) - self._flown(z), width, axis=0)
+        return self._measured.observer.rows(smooth, shifts)
 
     def slopes(self, z: Array, shifts: Array) -> Array:
         """Derivative of each channel by its shift, in the channel's unit a second, shape (n_rows, n_channels)."""

@@ -4,11 +4,11 @@ import html
 
 import plotly.graph_objects as go
 
-from harness.actuators.actuator import DEFAULT, Actuator, Output
+from harness.actuators.actuator import DEFAULT, Actuator
 from harness.identification.diagnosis import Diagnosis
 from harness.identification.estimates import Estimate
 from harness.identification.measured import Measured
-from harness.show.curves import Line, curve, intervals, shade, thinned
+from harness.show.curves import RESIDUAL, Line, curve, intervals, shade, thinned
 from harness.show.curves import rows as rows_of
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
 
@@ -24,8 +24,9 @@ def page(diagnosis: Diagnosis, command: str, actuator: Actuator = DEFAULT) -> st
     if diagnosis.complaints:
         notes += "<p>The estimates below are what comes nearest; they explain the run badly and mean nothing.</p>"
     health = "" if diagnosis.health is None else f" Health of the worst fault: {diagnosis.health:.2f}."
-    description = f"Measured, healthy and identified curves of {', '.join(measured.channels)} over time, with residuals."
-    curves = drawn(figure(diagnosis, measured, actuator.output), description)
+    names = ", ".join(item.name for item in measured.shown.values())
+    description = f"Measured, healthy and identified curves of {names} over time, with residuals."
+    curves = drawn(figure(diagnosis, measured), description)
     return document(
         f"EMA twins: {diagnosis.name} identified",
         f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.fidelity)}</h1>"
@@ -65,14 +66,13 @@ def _row(item: Estimate) -> tuple[str, ...]:
     return item.fault, f"{item.value:.4g}{unit}", f"{item.low:.4g} to {item.high:.4g}{unit}", health, remark
 
 
-def figure(diagnosis: Diagnosis, measured: Measured, output: Output = DEFAULT.output) -> go.Figure:
+def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
     """Each channel with the residuals of the healthy and the identified model under it; rows without weight are shaded."""
     names = list(measured.channels)
-    units = [output.unit(name) for name in names]
-    titles = [f"{name}<br>[{unit}]" for name, unit in zip(names, units, strict=True)]
+    titles = [f"{item.name}<br>[{item.unit}]" for item in (measured.shown[name] for name in names)]
     drawing = rows_of(titles, residuals=0.32, size=11)
     for place in range(len(names)):
-        scale, row = output.scale(names[place]), 2 * place + 1
+        scale, row = measured.shown[names[place]].scale, 2 * place + 1
         data = scale * measured.channels[names[place]]
         fits = {"healthy": diagnosis.fit.healthy, "identified": diagnosis.fit.predicted}
         models = {label: scale * fit[:, place] for label, fit in fits.items()}
@@ -80,9 +80,13 @@ def figure(diagnosis: Diagnosis, measured: Measured, output: Output = DEFAULT.ou
             points = thinned(measured.time, values)
             drawing.add_trace(curve(label, LINES[label], points, legend=place == 0), row=row, col=1)
         for label, values in models.items():
-            points = thinned(measured.time, data - values)
+            points = thinned(measured.time, values - data)
             drawing.add_trace(curve(label, LINES[label], points, legend=False), row=row + 1, col=1)
     shade(drawing, intervals(measured.time, ~measured.informative), "rgba(128,128,128,.16)")
-    drawing.update_xaxes(title_text="Time [s] (shaded: at rest or settling, carries no weight)", row=2 * len(names), col=1)
+    drawing.update_xaxes(
+        title_text=f"Time [s] (shaded: at rest or settling, carries no weight; {RESIDUAL} measured)",
+        row=2 * len(names),
+        col=1,
+    )
     drawing.update_layout(**LAYOUT, hovermode="x unified")
     return drawing

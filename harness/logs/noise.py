@@ -24,10 +24,10 @@ def quantum_of(series: Array) -> float:
     step much finer than what the rows tell apart is not found, and does not matter.
     """
     values = np.unique(series[np.isfinite(series)])
-    if len(values) < 3 or len(values) > REPEATED * np.isfinite(series).sum():
-        return 0.0
     gaps = np.diff(values)
-    gaps = gaps[gaps > 1e-9 * (values[-1] - values[0])]  # the same count, written with other last digits
+    gaps = gaps[gaps > 1e-9 * np.ptp(values)] if values.size else gaps  # the same count, written with other last digits
+    if len(gaps) < 2 or len(gaps) + 1 > REPEATED * np.isfinite(series).sum():
+        return 0.0
     step = float(np.median(gaps[gaps < 1.5 * np.median(gaps)]))
     counts = gaps / step
     regular = (np.abs(counts - np.rint(counts)) < 0.3) & (np.rint(counts) >= 1.0)

@@ -8,6 +8,8 @@ from scipy.signal import butter, sosfiltfilt
 
 Array = NDArray[np.float64]
 
+MOST_LAG = 0.05
+"""Largest lag that is looked for [s], either way."""
 LOW_PASS = 20.0
 """Cut-off [Hz] of the low-passed figures: what moves a structure, without what switches."""
 LEAST_RATE = 50.0

@@ -6,13 +6,23 @@ from collections.abc import Sequence
 import plotly.graph_objects as go
 
 from harness.actuators.actuator import DEFAULT, Actuator
+from harness.logs.hints import percent
 from harness.replay.replay import Replay
-from harness.show.curves import COMMAND, Line, curve, lines_of, thinned
+from harness.show.curves import COMMAND, RESIDUAL, Line, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
 
 MEASURED = Line("#888888", width=1.4)
 HEADS = ("Channel", "Unit", "Rms", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Lag")
+EXPLAINED = (
+    ("rms, NRMSE", "of twin minus measured, at the shift that fits best; NRMSE over the measured range"),
+    ("at 20 Hz", "the NRMSE of both low-passed at 20 Hz, forth and back; - below 50 rows a second"),
+    ("shift", "the rows show the twin so much later; rows more than 2 ms apart do not show when things happened"),
+    ("unshifted", "without that shift, which also hides a part of what a wrong loop does"),
+    ("lag", "the twin comes so much later than what was measured, sought up to 50 ms either way"),
+    ("ratio", "rms of twin minus measured position over the rms of the measured tracking error"),
+)
+"""What the heads mean."""
 TRACKING = ("Tracking error", "Unit", "measured", "twin", "difference", "ratio", "unshifted")
 
 
@@ -21,8 +31,14 @@ def page(replays: Sequence[Replay], command: str, actuator: Actuator = DEFAULT) 
     title = f"{replays[0].log.source.name}, flown by {replays[0].fidelity}"
     return document(
         f"EMA twins: {title}",
-        f"<h1>{html.escape(title)}</h1>{flown_actuator(actuator)}{''.join(map(_section, replays))}{origin(command)}",
+        f"<h1>{html.escape(title)}</h1>{flown_actuator(actuator)}{''.join(map(_section, replays))}{_explained()}"
+        f"{origin(command)}",
     )
+
+
+def _explained() -> str:
+    lines = "".join(f"<dt>{html.escape(head)}</dt><dd>{html.escape(text)}</dd>" for head, text in EXPLAINED)
+    return f"<section><h2>What the figures mean</h2><dl>{lines}</dl></section>"
 
 
 def rows(replay: Replay) -> list[tuple[str, ...]]:
@@ -32,9 +48,9 @@ def rows(replay: Replay) -> list[tuple[str, ...]]:
             item.name,
             item.unit,
             f"{item.rms:.4g}",
-            _percent(item.nrmse),
-            _percent(item.nrmse_20hz),
-            _percent(item.nrmse_unshifted),
+            percent(item.nrmse),
+            percent(item.nrmse_20hz),
+            percent(item.nrmse_unshifted),
             f"{1e3 * item.shift:.2f} ms",
             f"{1e3 * item.lag:.2f} ms",
         )
@@ -48,21 +64,13 @@ def tracking_rows(replay: Replay) -> list[tuple[str, ...]]:
     if item is None:
         return []
     numbers = (f"{value:.4g}" for value in (item.measured, item.twin, item.difference))
-    return [("rms", item.unit, *numbers, _percent(item.ratio), _percent(item.ratio_unshifted))]
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100.0 * value:.3g} %"
+    return [("rms", item.unit, *numbers, percent(item.ratio), percent(item.ratio_unshifted))]
 
 
 def _section(replay: Replay) -> str:
     log = replay.log
     notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in replay.remarks)
-    caption = (
-        f"{len(log.time)} rows, {log.rate:.4g} a second; command {replay.between.value} between rows. "
-        "NRMSE: rms of the difference over the measured range, at the shift in time that fits best; lag: what would align "
-        "them"
-    )
+    caption = f"{len(log.time)} rows, {log.rate:.4g} a second; command {replay.between.value} between rows"
     tracking = table("Position minus command", TRACKING, tracking_rows(replay)) if replay.tracking_error else ""
     names = ", ".join(channel.name for channel in replay.channels)
     return (
@@ -84,6 +92,6 @@ def figure(replay: Replay) -> go.Figure:
             drawing.add_trace(shown, row=2 * place + 1, col=1)
         left = curve(replay.fidelity, own, thinned(time, item.twin - item.measured), legend=False)
         drawing.add_trace(left, row=2 * place + 2, col=1)
-    drawing.update_xaxes(title_text="Time [s]", row=2 * len(replay.channels), col=1)
+    drawing.update_xaxes(title_text=f"Time [s] ({RESIDUAL} measured)", row=2 * len(replay.channels), col=1)
     drawing.update_layout(**LAYOUT, hovermode="x unified")
     return drawing

@@ -10,17 +10,18 @@ from ema_fmu_src import ports
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
 from harness.flight.twin import Twin
+from harness.logs.hints import percent
 from harness.logs.log import CHANNELS, Between, Log
 from harness.logs.observer import Observer, observer_of, shift_bound
+from harness.logs.shown import Shown, shown, value_of
 from harness.logs.start import start_of
 from harness.logs.stimulus import trials_of
 from harness.parameters import merged
-from harness.replay.figures import Channel, TrackingError, nrmse, nrmse_20hz, rms, tracking_error
+from harness.replay.figures import MOST_LAG, Channel, TrackingError, nrmse, nrmse_20hz, rms, tracking_error
+from harness.replay.remarks import remarks_of
 
 Array = NDArray[np.float64]
 
-MOST_LAG = 0.05
-"""Largest lag that is looked for [s], either way."""
 LEAST_SECONDS, MOST_SECONDS = 0.05, 1000.0
 """Shortest and longest log that is flown [s]."""
 
@@ -75,21 +76,23 @@ def replay(
     given = dict(parameters or {})
     names = tuple(name for name in CHANNELS if name in log.channels)
     start = _start(log, given)
+    as_shown = [shown(name, names, log.output, given) for name in names]
     flown = {}
     for between, trial in trials_of(log, beyond=shift_bound(log)).items():
         outputs = [port for port in ports.OUTPUTS if port.name in names]
         values, _ = twin.record(trial, merged(fidelity, {**start, **given}), outputs, on_progress=on_progress)
         places = [[port.name for port in outputs].index(name) for name in names]
-        flown[between] = _channels(log, observer_of(log, trial, names), names, values[:, places])
+        flown[between] = _channels(log, observer_of(log, trial, names), names, as_shown, values[:, places])
     between = min(flown, key=lambda each: sum(channel.nrmse**2 for channel in flown[each]))
     command = log.output.outside("command", log.inputs["command"])
+    stop = log.output.scale("position") * value_of("mechanics.end_stop", given)
     return Replay(
         log,
         fidelity.name,
         between,
         flown[between],
-        _tracking(log, flown[between], given, command),
-        (*log.remarks, *_between(flown, between)),
+        _tracking(flown[between], command),
+        (*log.remarks, *_between(flown, between), *remarks_of(log, flown[between], command, stop)),
         command,
     )
 
@@ -99,23 +102,24 @@ def _start(log: Log, parameters: Mapping[str, float]) -> dict[str, float]:
     if {"position", "motor_position"} & set(log.channels):
         return start_of(log, parameters).initial
     x = float(log.inputs["command"][0])
-    ratio = parameters.get("gear.ratio", ports.VARIABLES[ports.INDEX["gear.ratio"]].start)
-    return {"initial.position": x, "initial.motor_position": ratio * x}
+    return {"initial.position": x, "initial.motor_position": value_of("gear.ratio", parameters) * x}
 
 
-def _channels(log: Log, observer: Observer, names: Sequence[str], values: Array) -> tuple[Channel, ...]:
+def _channels(
+    log: Log, observer: Observer, names: Sequence[str], as_shown: Sequence[Shown], values: Array
+) -> tuple[Channel, ...]:
     data = np.column_stack([log.channels[name] for name in names])
     there = np.isfinite(data)
     shifts = observer.aligned(values, data, there, shift_bound(log))
     lags = observer.aligned(values, data, there, max(MOST_LAG, shift_bound(log)))
-    shown, raw = observer.rows(values, shifts), observer.rows(values, np.zeros(len(names)))
+    at_best, raw = observer.rows(values, shifts), observer.rows(values, np.zeros(len(names)))
     channels = []
-    for place, name in enumerate(names):
-        measured, twin, unshifted = (log.output.outside(name, each[:, place]) for each in (data, shown, raw))
+    for place, own in enumerate(as_shown):
+        measured, twin, unshifted = (own.scale * each[:, place] for each in (data, at_best, raw))
         channels.append(
             Channel(
-                name,
-                log.output.unit(name),
+                own.name,
+                own.unit,
                 rms(twin - measured),
                 nrmse(measured, twin),
                 nrmse_20hz(log.time, measured, twin),
@@ -130,18 +134,11 @@ def _channels(log: Log, observer: Observer, names: Sequence[str], values: Array)
     return tuple(channels)
 
 
-def _tracking(
-    log: Log, channels: Sequence[Channel], parameters: Mapping[str, float], command: Array
-) -> TrackingError | None:
-    """The tracking error of the position, or of the motor's on the user's side; in the unit outside."""
-    found = {channel.name: channel for channel in channels}
-    unit = log.output.unit("position")
-    if position := found.get("position"):
-        return tracking_error(command, position.measured, position.twin, position.unshifted, unit)
-    if motor := found.get("motor_position"):
-        ratio = parameters.get("gear.ratio", ports.VARIABLES[ports.INDEX["gear.ratio"]].start)
-        scale = log.output.scale("position") / ratio
-        return tracking_error(command, scale * motor.measured, scale * motor.twin, scale * motor.unshifted, unit)
+def _tracking(channels: Sequence[Channel], command: Array) -> TrackingError | None:
+    """The tracking error of the position, in its unit; None without one."""
+    for item in channels:
+        if item.name == "position":
+            return tracking_error(command, item.measured, item.twin, item.unshifted, item.unit)
     return None
 
 
@@ -149,8 +146,8 @@ def _between(flown: Mapping[Between, Sequence[Channel]], best: Between) -> list[
     if len(flown) == 1:
         return []
     misfit = {each: float(np.sqrt(np.mean([channel.nrmse**2 for channel in flown[each]]))) for each in flown}
-    others = ", ".join(f"{each.value} {100.0 * misfit[each]:.3g} %" for each in flown if each is not best)
+    others = ", ".join(f"{each.value} {percent(misfit[each])}" for each in flown if each is not best)
     return [
         f"nothing says what the command does between rows: {best.value} fits best "
-        f"({100.0 * misfit[best]:.3g} % of the ranges; {others})"
+        f"({percent(misfit[best])} of the ranges; {others})"
     ]

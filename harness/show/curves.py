@@ -31,6 +31,8 @@ class Line:
     opacity: float = 1.0
 
 
+RESIDUAL = "residual: model minus"
+"""What residuals are on every page, up to what they are compared with."""
 COMMAND = Line("#888888", "dot")
 
 

@@ -11,7 +11,7 @@ from harness.actuators.actuator import DEFAULT, Actuator
 from harness.budgets import Budgets
 from harness.comparison import FIGURES, Comparison, percent, titles
 from harness.flight.experiment import Experiment
-from harness.show.curves import COMMAND, Line, curve, intervals, lines_of, rows, shade, thinned
+from harness.show.curves import COMMAND, RESIDUAL, Line, curve, intervals, lines_of, rows, shade, thinned
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin
 
 INSTANTANEOUS = "equivalent_current"
@@ -115,7 +115,7 @@ def _cost(experiment: Experiment, lines: Mapping[str, Line]) -> go.Figure:
             y=[100.0 * item.nrmse if item and item.nrmse else None for item in items],
             text=[trial for trial, _ in runs],
             mode="markers+text",
-            textposition="middle right",
+            textposition=["top right", "middle right", "bottom right"][len(figure.data) % 3],
             name=name,
             marker={"size": 11, "color": lines[name].colour},
         )
@@ -138,7 +138,9 @@ def _figure(trial: str, experiment: Experiment, lines: Mapping[str, Line]) -> go
     """Each quantity, with the residuals against the reference under it; the reference's saturated intervals shaded."""
     flown = [(fidelity, run) for (name, fidelity), run in experiment.runs.items() if name == trial]
     reference = experiment.runs[trial, experiment.reference]
-    figure = rows(titles(reference), residuals=0.28)
+    figure = rows(
+        [title.replace(", ", ",<br>").replace(" [", "<br>[") for title in titles(reference)], residuals=0.28, size=11
+    )
     time = reference.time.values
     command = curve("command", COMMAND, thinned(time, reference["command"].values))
     figure.add_trace(command, row=1, col=1)
@@ -157,6 +159,8 @@ def _figure(trial: str, experiment: Experiment, lines: Mapping[str, Line]) -> go
         instantaneous.update(name=f"{fidelity} instantaneous", legendgroup=None, visible="legendonly", opacity=0.5)
         figure.add_trace(instantaneous, row=2 * len(FIGURES) - 1, col=1)
     shade(figure, intervals(time, reference["voltage_saturated"].values), "rgba(214,150,31,.16)")
-    figure.update_xaxes(title_text="Time [s] (shaded: voltage-limited)", row=2 * len(FIGURES), col=1)
+    figure.update_xaxes(
+        title_text=f"Time [s] (shaded: voltage-limited; {RESIDUAL} {experiment.reference})", row=2 * len(FIGURES), col=1
+    )
     figure.update_layout(**LAYOUT, hovermode="x unified")
     return figure
