@@ -348,7 +348,7 @@ def test_a_linear_actuator_is_in_metres_outside(
     np.testing.assert_allclose(found[:, 5], run.motor_position, rtol=1e-6, atol=1e-6)
     assert json.loads((tmp_path / "run.json").read_text())["actuator"] == actuator.identity
     page = (tmp_path / "report.html").read_text()
-    assert "Position [m]" in page and "Actuator <b>mine</b>: a worked example" in page
+    assert r"Position\u003cbr\u003e[m]" in page and "Actuator <b>mine</b>: a worked example" in page
 
 
 LAYOUTS = {
@@ -577,6 +577,7 @@ def test_show_prints_values_origins_and_flights(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "220")
     worked.write_text(WORKED.replace('speed_constant = "135 rpm/V"', 'speed_constant = "110 rpm/V"'))
     code = ema(monkeypatch, "actuator", "show", worked, "--fmus", fmus["HF"].parent, "--json", tmp_path / "show.json")
     told = capsys.readouterr()

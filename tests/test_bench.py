@@ -54,6 +54,7 @@ def test_identification_is_judged_case_by_case(
     assert [(entry["case"]["number"], entry["monitor"]) for entry in found["cases"]] == [
         (number, monitor) for number in range(3) for monitor in ("ELF+", "LF")
     ]
+    outside = []
     for entry in found["cases"]:
         truth = entry["case"]["truth"]
         assert {item["fault"] for item in entry["outcomes"] if item["present"]} == set(truth)
@@ -63,8 +64,10 @@ def test_identification_is_judged_case_by_case(
                 assert item["error"] == pytest.approx(abs(item["value"] - item["truth"]) / span)
                 assert item["truth"] == truth.get(item["fault"], FAULTS[item["fault"]].healthy)
             if item["identifiable"]:
-                assert item["covered"] and item["error"] < 0.05  # the 95th percentile that is asked over many
+                assert item["error"] < 0.05  # the 95th percentile that is asked over many
+                outside += [] if item["covered"] else [item]
         assert entry["explained"] and not any(item["false_alarm"] for item in entry["outcomes"])
+    assert len(outside) <= 2  # of some 40 intervals of 95 %
     judged = {check["what"]: check["value"] for check in found["checks"]}
     of_friction = [
         item["error"] for entry in found["cases"][::2] for item in entry["outcomes"] if item["fault"] == "friction"
@@ -91,7 +94,7 @@ def test_cases_cover_single_and_combined_faults_within_their_ranges() -> None:
 def test_evolution_that_is_given_up_says_so(fmus: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evolution, "GENERATIONS", 1)
     monkeypatch.setattr(evolution, "POPULATION", 1)
-    found = evolution.evolve(cases.cases(1, 0, 1)[0], fmus["HF"].parent, 1000.0)
+    found = evolution.evolve(cases.cases(1, 0, 1)[0], fmus["HF"].parent, 1000.0, {})
     assert not found.reached
     assert found.evaluations == 2 * len(COORDINATES)  # the first population, an individual a coordinate, and a generation
     assert found.error > found.least_squares_error

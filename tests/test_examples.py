@@ -122,6 +122,17 @@ def test_an_actuator_of_ones_own_is_shown_and_flown(clone: Path) -> None:
     assert "position [m]" in (clone / "results" / "SIN_HF.csv").read_text().partition("\n")[0]
 
 
+def test_a_log_is_flown_again(clone: Path) -> None:
+    """A healthy twin beside a run with 1.5 times the friction: the keys that the page lists, and a current that differs."""
+    block = marked("run: a log flown again")
+    assert "position" in run(block, clone) and (clone / "results" / "CHIRP_HF_replayed.html").is_file()
+    found = json.loads((clone / "replay.json").read_text())
+    assert found["channels"]["equivalent_current_filtered"]["nrmse"] > 0.01 > found["channels"]["position"]["nrmse"] > 0.0
+    text = block.page.read_text()
+    for key in (*found, *found["tracking_error"]):
+        assert key in text
+
+
 def test_every_marked_block_is_run() -> None:
     source = Path(__file__).read_text()
     for block in BLOCKS:

@@ -205,13 +205,20 @@ def test_times_that_are_in_seconds_by_their_format_stay_so(tmp_path: Path) -> No
             read_one(tmp_path / "own.mf4", stated)
 
 
-MEANT = ["load_torque_kgcm", "LoadTorque_kgcm", "supply_voltage (Vrms)", "equivalent_current (Arms)", "motor_speed_RPMs"]
+MEANT = ["load_torque_kgcm", "LoadTorque_kgcm", "motor_speed_RPMs"]
+EFFECTIVE = ["supply_voltage (Vrms)", "equivalent_current (Arms)"]
 PERHAPS = {"brake_torque": "load_torque", "torque": "load_torque", "U_bat": "supply_voltage", "load_torque_b": "load_torque"}
 
 
 @pytest.mark.parametrize("word", MEANT)
 def test_what_begins_like_a_port_and_goes_on_like_a_unit_is_refused(word: str, tmp_path: Path) -> None:
     with pytest.raises(HarnessError, match=rf"column '{word.replace('(', '.').replace(')', '.')}' begins like .*\[UNIT\]'"):
+        _read(tmp_path, lines(RUN | {word: X}))
+
+
+@pytest.mark.parametrize("word", EFFECTIVE)
+def test_effective_values_are_refused_with_what_to_write(word: str, tmp_path: Path) -> None:
+    with pytest.raises(HarnessError, match=r"column (supply_voltage|equivalent_current): .*rms.* write the amplitude"):
         _read(tmp_path, lines(RUN | {word: X}))
 
 
@@ -341,7 +348,7 @@ def test_columns_shows_our_own_runs_by_their_own_names(fmus: dict[str, Path], tm
     (tmp_path / "own.csv").write_text("time,command\n0,0\n0.05,0.01\n")
     words = ["--fidelity", "LF", "--reference", "LF", "--fmus", str(fmus["LF"].parent), "--out", str(tmp_path)]
     assert CliRunner().invoke(app, ["run", "--trial-file", str(tmp_path / "own.csv"), *words]).exit_code == 0
-    (tmp_path / "mine.toml").write_text('[log]\ntime = "1 [ms]"\nposition = "4 [mm]"\n')
+    (tmp_path / "mine.toml").write_text('[log]\ntime = "1 [ms]"\nposition = "4 [deg]"\n')
     result = CliRunner().invoke(app, ["columns", str(tmp_path / "own_LF.csv"), "--actuator", str(tmp_path / "mine.toml")])
     assert (
         result.exit_code == 0
