@@ -10,25 +10,37 @@ SHORTEST = 1e-9
 
 
 @kernel
-def _event(h, comparator, leg_j, error_j, gate_j, rail_j, i_j, slope_j, decay_j):
+def _event(h, comparator, leg_j, error_j, gate_j, rail_j, i_j, slope_j, shown_j, decay_j):
     """The earlier of `h` and the next change of a leg's voltage."""
-    h = hysteresis.time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j)
+    h = hysteresis.time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, shown_j, decay_j)
     return inverter.time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j)
 
 
 @kernel
 def step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, longest):
     """The legs with the speeds of their errors, and the event-located step: to the next event, at most `longest`."""
-    slope, gate, rail = circuit.slope, circuit.gate, circuit.rail
+    slope, gate, rail, gain = circuit.slope, circuit.gate, circuit.rail, comparator.gain
+    shown = Abc(gain.a * slope.a, gain.b * slope.b, gain.c * slope.c)
     legs = Abc(
-        hysteresis.approach(legs.a, ref, slope.a, w_e, s.a, c.a),
-        hysteresis.approach(legs.b, ref, slope.b, w_e, s.b, c.b),
-        hysteresis.approach(legs.c, ref, slope.c, w_e, s.c, c.c),
+        hysteresis.approach(legs.a, ref, shown.a, w_e, s.a, c.a),
+        hysteresis.approach(legs.b, ref, shown.b, w_e, s.b, c.b),
+        hysteresis.approach(legs.c, ref, shown.c, w_e, s.c, c.c),
     )
-    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, star.R.a * star.g.a)
-    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, star.R.b * star.g.b)
-    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, star.R.c * star.g.c)
+    h = _event(longest, comparator, legs.a, error.a, gate.a, rail.a, i.a, slope.a, shown.a, star.R.a * star.g.a)
+    h = _event(h, comparator, legs.b, error.b, gate.b, rail.b, i.b, slope.b, shown.b, star.R.b * star.g.b)
+    h = _event(h, comparator, legs.c, error.c, gate.c, rail.c, i.c, slope.c, shown.c, star.R.c * star.g.c)
     return legs, min(longest, max(h, SHORTEST))
+
+
+@kernel
+def step_to_edge(legs, edge, i, circuit, longest):
+    """The step of legs whose edges are known: to the next edge, or the next change of a leg that is off, at most `longest`."""
+    slope, gate, rail = circuit.slope, circuit.gate, circuit.rail
+    h = min(longest, edge.a, edge.b, edge.c)
+    h = inverter.time_to_commutation(h, legs.a, gate.a, rail.a, i.a, slope.a)
+    h = inverter.time_to_commutation(h, legs.b, gate.b, rail.b, i.b, slope.b)
+    h = inverter.time_to_commutation(h, legs.c, gate.c, rail.c, i.c, slope.c)
+    return min(longest, max(h, SHORTEST))
 
 
 @kernel

@@ -30,6 +30,28 @@ def open_side(open_switch, number):
 
 
 @kernel
+def open_sides(open_switch):
+    """`open_side` of the three legs."""
+    return Abc(open_side(open_switch, 0), open_side(open_switch, 1), open_side(open_switch, 2))
+
+
+@kernel
+def without_switch(i, open_side):
+    """The currents, averaged over the switching, that a switch which stays open leaves of i (ours): a leg without its upper
+    switch gives none out, one without its lower takes none in; what it would carry the others lose in equal parts."""
+    a = min(0.0, i.a) if open_side.a > 0.0 else max(0.0, i.a) if open_side.a < 0.0 else i.a
+    b = min(0.0, i.b) if open_side.b > 0.0 else max(0.0, i.b) if open_side.b < 0.0 else i.b
+    c = min(0.0, i.c) if open_side.c > 0.0 else max(0.0, i.c) if open_side.c < 0.0 else i.c
+    if a != i.a:
+        return Abc(a, b + 0.5 * (i.a - a), c + 0.5 * (i.a - a))
+    if b != i.b:
+        return Abc(a + 0.5 * (i.b - b), b, c + 0.5 * (i.b - b))
+    if c != i.c:
+        return Abc(a + 0.5 * (i.c - c), b + 0.5 * (i.c - c), c)
+    return i
+
+
+@kernel
 def live(V_dc):
     """Whether the supply is enough for the inverter to switch."""
     return V_dc >= LEAST_SUPPLY

@@ -7,13 +7,15 @@ from .trig import clamp
 
 
 class Friction(NamedTuple):
-    """What brakes the rotor: limits of the dry friction, losses of the loaded gear, viscous coefficient.
+    """What brakes the rotor: limits of the dry friction and what positive motion has more of it than negative, losses of the
+    loaded gear, viscous coefficient.
 
     loss_opposing = 1/eta_opposing - 1, loss_aiding = 1 - eta_aiding.
     """
 
     T_static: float
     T_coulomb: float
+    T_asymmetry: float
     loss_opposing: float
     loss_aiding: float
     C: float
@@ -34,14 +36,15 @@ def rotor(w, T_m, T_L, friction, J, h):
     """w after a step h, and the dry friction T_f during it: J dw/dt = T_m - C*w - T_L - T_f.
 
     Friction after Borello: at rest it balances the net torque up to the static limit; beyond it, or moving, the Coulomb
-    value opposes; a speed that would change sign in the step stops at zero. Viscous friction by the trapezoidal rule; where
+    value opposes, both with their asymmetry (ours: where it is larger than they are, none is left); a speed that would change sign in the step stops at zero. Viscous friction by the trapezoidal rule; where
     it brakes within the step (h*C/J > 2), the speed takes its settled value.
     """
     net = T_m - T_L
     direction = w if w != 0.0 else net
     extra = load_friction(T_L, direction, friction)
-    T_f = friction.T_coulomb + extra
-    if w == 0.0 and abs(net) <= max(friction.T_static, friction.T_coulomb) + extra:
+    asymmetry = friction.T_asymmetry if direction > 0.0 else -friction.T_asymmetry
+    T_f = max(0.0, friction.T_coulomb + asymmetry) + extra
+    if w == 0.0 and abs(net) <= max(0.0, max(friction.T_static, friction.T_coulomb) + asymmetry) + extra:
         return 0.0, net
     if direction < 0.0:
         T_f = -T_f

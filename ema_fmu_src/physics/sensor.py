@@ -1,4 +1,4 @@
-"""Resolver: a quantised angle (ours). The converter's own tracking loop gives the speed, which is taken as ideal."""
+"""Resolver or encoder: a quantised angle (ours). The converter's own tracking loop gives the speed, taken as ideal."""
 
 import math
 
@@ -8,11 +8,14 @@ TURN = 2.0 * math.pi
 
 
 @kernel
-def resolver(angle, bits):
-    """`angle` [rad] rounded to the nearest of 2^bits counts a turn; bits = 0 is an ideal sensor."""
-    if bits < 0.5:
+def resolver(angle, bits, counts):
+    """`angle` [rad] rounded to the nearest of `counts` a turn or, where these are 0, of 2^bits; bits = 0 is an ideal sensor."""
+    if counts > 0.0:
+        count = TURN / counts
+    elif bits < 0.5:
         return angle
-    count = TURN / (1 << int(bits))
+    else:
+        count = TURN / (1 << int(bits))
     steps = angle / count
     if not -1e15 < steps < 1e15:
         return angle

@@ -48,14 +48,19 @@ def resistance(R, N, s):
 
 
 @kernel
-def current(i, I_ref, e, R_eq, L, V_dc, w_e, h):
+def ideal_change(i, I_ref, h):
+    """By how much an ideal drive changes the current in a step h: towards I_ref with the time constant tau."""
+    return (I_ref - i) * min(1.0, h * PER_TAU)
+
+
+@kernel
+def current(i, change, e, R_eq, L, V_dc, w_e, h):
     """A step h of the equivalent current (ours): L di/dt = v - R_eq*i - e, by the rule of `windings.step_impedance`.
 
-    v takes the current to I_ref with the time constant tau, as far as the six-step voltage 2*V_dc/pi reaches beside what the
-    turning current needs across it, w_e*L*i.
+    v changes the current by `change`, as far as the six-step voltage 2*V_dc/pi reaches beside what the turning current needs
+    across it, w_e*L*i.
     """
     share = mean_share(h * R_eq, L)
-    change = (I_ref - i) * min(1.0, h * PER_TAU)
     need = R_eq * (i + share * change) + e + (L / h) * change
     across = w_e * L * i
     reach = math.sqrt(max(0.0, (V_dc * SIX_STEP) ** 2 - across * across))

@@ -38,6 +38,14 @@ def for_turn(h, turning):
 
 
 @kernel
+def for_swing(h, stiffness):
+    """`h` [s], halved until stiffness*h^2 is small: a rotor held by a proportional position loop, `stiffness` [1/s2]."""
+    while h >= SHORTEST and stiffness * h * h > LOOP * LOOP:
+        h *= 0.5
+    return h
+
+
+@kernel
 def for_loop(h, gain, lag):
     """`h` [s], halved until gain*h*min(1, h/lag) is small: a loop of `gain` [1/s] closed over a lag [s]."""
     while h >= SHORTEST and gain * h * min(1.0, h / lag) > LOOP:

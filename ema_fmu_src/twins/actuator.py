@@ -3,66 +3,17 @@
 from typing import NamedTuple
 
 from ..physics import mechanics, monitor, stability, windings
-from ..physics.controller import cascade
 from ..physics.jit import kernel
 from ..physics.phases import Abc, three_phases
 from ..physics.trig import clamp, sincos
-from . import host
-from .host import clock, inputs
-from .memory import State, places, port
+from . import drive, host
+from .host import clock
+from .layout import FIRST, MOVING, derived, law, now, since
+from .memory import port
 from .status import Status
 
-DERIVED = (
-    State("K_e", "V.s/rad", "motor.K_e with its fault"),
-    State("R", "Ohm", "motor.R with its fault"),
-    State("z_cos_a", "1", "p*zeta*cos(phi_a)"),
-    State("z_cos_b", "1", "p*zeta*cos(phi_b)"),
-    State("z_cos_c", "1", "p*zeta*cos(phi_c)"),
-    State("z_sin_a", "1", "p*zeta*sin(phi_a)"),
-    State("z_sin_b", "1", "p*zeta*sin(phi_b)"),
-    State("z_sin_c", "1", "p*zeta*sin(phi_c)"),
-    State("T_static", "N.m", "limit of the dry friction at rest, with its faults"),
-    State("T_coulomb", "N.m", "dry friction of the moving rotor, with its faults"),
-    State("loss_opposing", "1", "1/eta_opposing - 1"),
-    State("loss_aiding", "1", "1 - eta_aiding"),
-    State("K_motor", "1/s", "K_pos*G with its fault"),
-    State("per_ratio", "1", "1/G"),
-    State("half_play", "rad", "half of the backlash, with its fault"),
-    State("theta_max", "rad", "the rotor's end stop"),
-    State("smoothing", "1", "of the filtered current over a whole step"),
-)
-"""What follows from the parameters, taken at the start and after each change: it saves ELF and LF 5 % of their time."""
-SINCE = (
-    State("charge", "C", "supply charge at the last communication point"),
-    State("loss", "J", "copper loss at the last communication point"),
-    State("stop", "N.m.s", "impulse of the end stops at the last communication point"),
-    State("limited", "1", "above 0: voltage-limited at some time since the last communication point"),
-)
-MOVING = (
-    State("theta", "rad", "rotor angle, mechanical"),
-    State("w", "rad/s", "rotor speed, mechanical"),
-    State("position", "rad", "user shaft angle"),
-    State("s", "1", "sin(theta_e)"),
-    State("c", "1", "cos(theta_e)"),
-    State("T_f", "N.m", "dry friction in the last step"),
-    State("stop", "N.m.s", "impulse of the end stops since the start"),
-    State("i_a", "A", "current of phase a"),
-    State("i_b", "A", "current of phase b"),
-    State("i_c", "A", "current of phase c"),
-    State("I_ref", "A", "current reference"),
-    State("xi", "A", "integral part of the controller; LF: what another twin's would have to be"),
-    State("i_filtered", "A", "filtered equivalent current"),
-    State("charge", "C", "supply charge since the start"),
-    State("loss", "J", "copper loss since the start"),
-    State("limited", "1", "1: voltage-limited in the last step; HF: at the last tick"),
-)
 COMMON = 2.0
 """`fault.eccentricity_law`: one cosine for all phases (1: shifted, each phase its own)."""
-ONCE = (*host.STATES, *DERIVED, *SINCE)
-derived = places("derived", DERIVED, first=len(host.STATES))
-since = places("since", SINCE, first=len(host.STATES) + len(DERIVED))
-FIRST = len(ONCE)
-now = places("now", MOVING, first=FIRST)
 
 
 class Motion(NamedTuple):
@@ -115,7 +66,7 @@ def derive(v, x):
     x[derived.K_e] = v[port.motor.K_e] * v[port.fault.magnet]
     x[derived.R] = v[port.motor.R] * v[port.fault.resistance]
     x[derived.smoothing] = monitor.smoothing(x[clock.step], v[port.monitor.tau])
-    return Status.OK
+    return drive.derive(v, x)
 
 
 @kernel
@@ -141,6 +92,7 @@ def start(v, x, period, longest, n_states):
     x[now.I_ref] = v[port.initial.reference_current]
     x[now.i_filtered] = v[port.initial.current_filtered]
     x[now.xi] = v[port.initial.integral]
+    drive.start(v, x)
     return Status.OK
 
 
@@ -195,27 +147,6 @@ def field(x):
 
 
 @kernel
-def gains(v, x):
-    """The cascade's gains with their fault."""
-    return cascade.Gains(
-        x[derived.K_motor],
-        v[port.controller.speed_limit],
-        v[port.controller.K_p],
-        v[port.controller.K_i],
-        v[port.controller.period],
-        v[port.controller.current_limit],
-    )
-
-
-@kernel
-def control(v, x, t, position, w):
-    """The controller's sample at time `t` [s], by the control law: writes I_ref and the integral, returns I_ref."""
-    command = host.input_at(v, x, inputs.command, t)
-    x[now.I_ref], x[now.xi] = cascade.sampled(gains(v, x), command, position, w, x[now.xi])
-    return x[now.I_ref]
-
-
-@kernel
 def load_on_rotor(v, x, motion, load_torque):
     """The torque T_L with which the load brakes the rotor."""
     half_play, end_stop = x[derived.half_play], v[port.mechanics.end_stop]
@@ -229,6 +160,7 @@ def move(v, x, motion, T_m, load_torque, h):
     friction = mechanics.Friction(
         x[derived.T_static],
         x[derived.T_coulomb],
+        v[port.mechanics.T_asymmetry],
         x[derived.loss_opposing],
         x[derived.loss_aiding],
         v[port.mechanics.C],
@@ -316,6 +248,8 @@ def publish(v, x, t):
     v[port.voltage_saturated] = 1.0 if x[since.limited] + x[now.limited] > 0.0 else 0.0
     v[port.voltage_saturated_real] = v[port.voltage_saturated]
     v[port.controller.integral] = x[now.xi]
+    v[port.measured_motor_position] = x[law.motor_position]
+    v[port.measured_current] = x[law.q]
     x[clock.point] = t
     x[since.charge] = charge
     x[since.loss] = loss

@@ -12,20 +12,21 @@ Covers: faults of friction, backlash, turns, eccentricity, gain, jam, magnet, re
 Does not cover: the current ripple, the dead time, a switch that stays open, sensor errors; saturation in plain ELF.
 """
 
-from ..physics import inverter, monitor, stability, voltage_limit, windings
+from ..physics import averaged, inverter, monitor, stability, voltage_limit, windings
+from ..physics.frame import Dq
 from ..physics.jit import kernel
 from ..physics.modulator import reference
 from ..physics.phases import three_phases
 from ..physics.trig import rotate, sincos
-from . import actuator, host
-from .actuator import derived, now
+from . import actuator, drive, host, layout
 from .host import clock, inputs
+from .layout import derived, now
 from .memory import Moving, port, whole
 from .status import Status
 
-STATES = whole(actuator.ONCE, actuator.MOVING)
+STATES = whole(layout.ONCE, layout.MOVING)
 N_STATES = len(STATES)
-MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING))
+MOVING = Moving(len(layout.ONCE), len(layout.MOVING))
 TICK = ""
 """The port that tells how long a tick of the clock is; empty: as long as a step."""
 LEAST_R = 0.5
@@ -47,17 +48,64 @@ def initialize(v, x):
 @kernel
 def _sample(v, x, t):
     """The controller's sample at time `t` [s]."""
-    actuator.control(v, x, t, x[now.position], x[now.w])
+    seen = drive.look_ideally(v, x[now.theta], x[now.position])
+    drive.control(v, x, t, seen, x[now.w])
+    s, c = drive.turned(v, x[now.s], x[now.c])
+    drive.show(v, x, seen.motor_position, actuator.currents(x), s, c)
 
 
 @kernel
-def _driven(v, x, i, i_ref, e, V_dc, h):
-    """The driver over a step h: plain ELF's, or ELF+'s."""
+def _asked(v, x, I_ref, s, c):
+    """The phase currents that the ideal drive takes for those it is asked for: s, c of theta_e at the step's end."""
+    if x[derived.astray] == 0.0:
+        sines, _ = three_phases(s, c)
+        return reference.ideal(I_ref, sines)
+    s, c = drive.turned(v, s, c)
+    sines, _ = three_phases(s, c)
+    i_ref = reference.ideal(I_ref, sines)
+    if x[derived.senses] != 0.0:
+        i_ref = reference.shown_as(i_ref, drive.sensors(v))
+    return inverter.without_switch(i_ref, inverter.open_sides(v[port.fault.open_switch]))
+
+
+@kernel
+def _ideally(v, x, i, i_ref, e, V_dc, h):
+    """The ideal drive over a step h: plain ELF's, or ELF+'s."""
     R, N = x[derived.R], actuator.turns(v)
     phases = windings.series(N, R, v[port.inverter.R_on], v[port.motor.L])
     if v[port.driver.coupled_saturation] == 0.0:
         return voltage_limit.independent(i, i_ref, e, R, N, phases, V_dc, h)
     return voltage_limit.coupled(i, i_ref, e, phases, V_dc, h)
+
+
+@kernel
+def _frames(v, motion, s, c, s_end, c_end):
+    """The electrical angle over a step as the drive sees it."""
+    s_0, c_0 = drive.turned(v, motion.s, motion.c)
+    s, c = drive.turned(v, s, c)
+    s_end, c_end = drive.turned(v, s_end, c_end)
+    return averaged.Frames(s_0, c_0, s, c, s_end, c_end)
+
+
+@kernel
+def _orientedly(v, x, i, e, w, frames, V_dc, h):
+    """The drive with a sampled current loop over a step h: plain ELF's, or ELF+'s. Writes xi."""
+    R, N = x[derived.R], actuator.turns(v)
+    phases = windings.series(N, R, v[port.inverter.R_on], v[port.motor.L])
+    loop, xi = drive.read_loop(x), Dq(x[now.xi_d], x[now.xi_q])
+    passage = drive.passage(x, loop, h)
+    plant = averaged.Plant(phases, e, w, v[port.motor.p] * w, x[derived.unlike] != 0.0)
+    sensors, senses = drive.sensors(v), x[derived.senses] != 0.0
+    if v[port.driver.coupled_saturation] != 0.0:
+        driven, xi = averaged.step(
+            loop, passage, drive.legs(v, V_dc), plant, sensors, frames, x[now.I_ref], xi, i, senses, h
+        )
+    else:
+        driven, xi = averaged.independent(
+            loop, passage, plant, sensors, frames, x[now.I_ref], xi, i, senses, R, N, V_dc * v[port.inverter.utilisation], h
+        )
+    x[now.xi_d], x[now.xi_q] = xi
+    return driven
 
 
 @kernel
@@ -71,13 +119,16 @@ def _step(v, x, t, h):
     s_end, c_end = rotate(s, c, p * half)
     sines, cosines = three_phases(s, c)
     k = windings.back_emf_coefficients(N, actuator.field(x), sines, cosines)
-    sines_end, _ = three_phases(s_end, c_end)
     live = inverter.live(V_dc)
-    i_ref = reference.ideal(x[now.I_ref] if live else 0.0, sines_end)
     i = actuator.currents(x)
     load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
     w_ahead = actuator.w_ahead(v, x, motion, windings.torque(k, i), load, h)
-    driven = _driven(v, x, i, i_ref, windings.back_emf(k, w_ahead), V_dc, h)
+    e = windings.back_emf(k, w_ahead)
+    if live and drive.is_oriented(v):
+        frames = _frames(v, motion, s, c, s_end, c_end)
+        driven = _orientedly(v, x, i, e, w_ahead, frames, V_dc, h)
+    else:
+        driven = _ideally(v, x, i, _asked(v, x, x[now.I_ref] if live else 0.0, s_end, c_end), e, V_dc, h)
 
     i, v_legs = driven.i_mean, driven.v
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, i), load, h)

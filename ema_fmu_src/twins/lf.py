@@ -13,20 +13,21 @@ Does not cover: differences between the phase currents, the controller's integra
 dead time, a switch that stays open, sensor errors.
 """
 
-from ..physics import inverter, monitor, single_phase, stability
+from ..physics import averaged, inverter, monitor, single_phase, stability
 from ..physics.controller import cascade
+from ..physics.frame import Dq
 from ..physics.jit import kernel
 from ..physics.phases import Abc, three_phases
 from ..physics.trig import rotate, sincos
-from . import actuator, host
-from .actuator import derived, now
+from . import actuator, drive, host, layout
 from .host import clock, inputs
+from .layout import derived, now
 from .memory import Moving, port, whole
 from .status import Status
 
-STATES = whole(actuator.ONCE, actuator.MOVING)
+STATES = whole(layout.ONCE, layout.MOVING)
 N_STATES = len(STATES)
-MOVING = Moving(len(actuator.ONCE), len(actuator.MOVING))
+MOVING = Moving(len(layout.ONCE), len(layout.MOVING))
 TICK = ""
 """The port that tells how long a tick of the clock is; empty: as long as a step."""
 MOST_GAIN = 10.0
@@ -37,10 +38,12 @@ MOST_GAIN = 10.0
 def _publish(v, x, t):
     """End a communication step at time `t` [s]; returns a Status.
 
-    The integral is the one with which a twin that has one would go on from LF's current reference.
+    The cascade's integral is the one with which a twin that has one would go on from LF's current reference.
     """
-    command = host.input_at(v, x, inputs.command, t)
-    x[now.xi] = cascade.carrying_integral(actuator.gains(v, x), command, x[now.position], x[now.w], x[now.I_ref])
+    if v[port.controller.structure] != drive.PID:
+        command = host.input_at(v, x, inputs.command, t)
+        gains = drive.cascade_gains(v, x, 0.0, x[clock.step])
+        x[now.xi] = cascade.carrying_integral(gains, command, x[now.position], x[now.w], x[now.I_ref])
     return actuator.publish(v, x, t)
 
 
@@ -49,8 +52,14 @@ def initialize(v, x):
     """Start at time 0; returns a Status."""
     K_e, J = v[port.motor.K_e], v[port.mechanics.J]
     longest = stability.for_currents(v[port.solver.step], K_e, J, 0.0, v[port.motor.L])
-    longest = stability.for_loop(longest, 1.5 * K_e * v[port.controller.K_p] / J, single_phase.TAU)
-    longest = stability.for_loop(longest, MOST_GAIN * v[port.controller.K_pos], stability.SHORTEST)
+    lag = 1.0 / v[port.controller.current.bandwidth] if drive.is_oriented(v) else single_phase.TAU
+    if v[port.controller.structure] == drive.PID:
+        K_d = v[port.controller.pid.K_d]
+        longest = stability.for_loop(longest, 1.5 * K_e * K_d / J, lag)
+        longest = stability.for_swing(longest, MOST_GAIN * 1.5 * K_e * v[port.controller.pid.K_p] / J)
+    else:
+        longest = stability.for_loop(longest, 1.5 * K_e * v[port.controller.K_p] / J, lag)
+        longest = stability.for_loop(longest, MOST_GAIN * v[port.controller.K_pos], stability.SHORTEST)
     status = actuator.start(v, x, longest, longest, N_STATES)
     return _publish(v, x, 0.0) if status == Status.OK else status
 
@@ -58,8 +67,24 @@ def initialize(v, x):
 @kernel
 def _sample(v, x, t):
     """The control law, which has no sampling, at each step of LF's own."""
-    command = host.input_at(v, x, inputs.command, t)
-    x[now.I_ref] = cascade.continuous(actuator.gains(v, x), command, x[now.position], x[now.w])
+    drive.control_continuously(v, x, t, x[clock.step])
+    drive.show(v, x, x[now.theta], actuator.currents(x), x[now.s], x[now.c])
+
+
+@kernel
+def _orientedly(v, x, i, e, w, R_eq, V_dc, h):
+    """The drive with a sampled current loop over a step h, its q axis alone. Writes xi."""
+    loop, xi = drive.read_loop(x), Dq(0.0, x[now.xi_q])
+    passage = drive.passage(x, loop, h)
+    w_e = v[port.motor.p] * w
+    aimed = averaged.aim(loop, passage, w, w_e, x[now.I_ref], xi, Dq(0.0, i))
+    driven = single_phase.current(i, aimed.i.q - i, e, R_eq, v[port.motor.L], V_dc * v[port.inverter.utilisation], w_e, h)
+    if driven.limited:
+        xi = averaged.followed(loop, passage, w, w_e, xi, Dq(0.0, driven.v), Dq(0.0, driven.i_mean))
+    else:
+        xi = averaged.carried_on(passage, aimed, xi)
+    x[now.xi_q] = xi.q
+    return driven
 
 
 @kernel
@@ -79,9 +104,11 @@ def _step(v, x, t, h):
     R_eq = R_copper + v[port.inverter.R_on]
     load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
     w_ahead = actuator.w_ahead(v, x, motion, 1.5 * K_f * i, load, h)
-    driven = single_phase.current(
-        i, x[now.I_ref] if live else 0.0, K_f * w_ahead, R_eq, v[port.motor.L], V_dc, p * motion.w, h
-    )
+    if live and drive.is_oriented(v):
+        driven = _orientedly(v, x, i, K_f * w_ahead, w_ahead, R_eq, V_dc, h)
+    else:
+        change = single_phase.ideal_change(i, x[now.I_ref] if live else 0.0, h)
+        driven = single_phase.current(i, change, K_f * w_ahead, R_eq, v[port.motor.L], V_dc, p * motion.w, h)
     mean = driven.i_mean
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, 1.5 * K_f * mean, load, h)
     s, c = rotate(s, c, p * (theta - motion.theta - half))

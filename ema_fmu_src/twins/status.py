@@ -32,3 +32,13 @@ class Status(IntEnum):
         "a fixed solver.step is too long for the current's hysteresis: inverter.hysteresis*L/supply_voltage is the longest, "
         "L that of the phase with the fewest turns; or solver.event_located=true",
     )
+    PAIR = (
+        6,
+        "controller.current_control=ideal goes with inverter.modulation=hysteresis, and field_oriented with a carrier, "
+        "sine_triangle or space_vector",
+    )
+    LOOP = (
+        7,
+        "the current loop does not settle: it grows or rings from sample to sample; smaller controller.current.K_p and K_i or "
+        "a larger inverter.carrier_frequency are needed",
+    )

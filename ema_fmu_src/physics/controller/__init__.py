@@ -1,5 +1,6 @@
 """Control laws, from the command and the measured motion to the current reference I_ref: one law a file.
 
-A law has its gains as a named tuple, `sampled(...)` for the twins whose controller ticks (HF, ELF) and `continuous(...)`
-for LF's simplified control logic. A twin takes the law through `twins.actuator.control`, where it is chosen.
+A law has its gains as a named tuple and `sampled(...)`, which takes what it remembers (`derivative.Memory`) and returns it
+anew. LF takes the cascade with a gain of the integral of 0 and its own step for a period, and of the PID the form
+`continuous(...)`. A twin takes the law through `twins.actuator.control`, where it is chosen.
 """

@@ -1,9 +1,11 @@
-"""Position P and speed PI in cascade (the paper's structure; the clamps and the anti-windup rule are ours)."""
+"""Position P and speed PI in cascade (the paper's structure; the clamps and the anti-windup rule are ours), with a filtered
+derivative of the speed error and feed-forward where they are asked for (the paper's "detailed PID")."""
 
 from typing import NamedTuple
 
 from ..jit import kernel
 from ..trig import clamp
+from . import derivative
 
 
 class Gains(NamedTuple):
@@ -13,6 +15,8 @@ class Gains(NamedTuple):
     speed_limit: float
     K_p: float
     K_i: float
+    K_d: float
+    T_d: float
     T_c: float
     current_limit: float
 
@@ -24,30 +28,25 @@ def speed_reference(gains, command, position):
 
 
 @kernel
-def speed_pi(gains, w_ref, w, xi):
-    """I_ref and xi after a sample: u = K_p*e_w + xi, e_w = w_ref - w, I_ref = clamp(u, +-current_limit).
+def sampled(gains, forward, command, r, position, w, memory):
+    """I_ref and the memory after a sample: u = K_p*e_w + xi + K_d*D(e_w) + feed-forward, e_w = w_ref - w,
+    I_ref = clamp(u, +-current_limit).
 
     Conditional anti-windup: the integral moves only while the output is free or the error drives it back.
     """
-    e_w = w_ref - w
+    e_w = speed_reference(gains, command, position) - w
+    xi, D = memory.xi, 0.0
     u = gains.K_p * e_w + xi
+    if gains.K_d != 0.0:
+        if memory.samples >= 1.0:
+            D = derivative.backward(memory.D, gains.K_d, gains.T_d, e_w - memory.e_d, gains.T_c)
+        u += D
+    if forward.speed != 0.0 or forward.acceleration != 0.0:
+        u += derivative.ahead(forward, memory, r, gains.T_c)
     I_ref = clamp(u, -gains.current_limit, gains.current_limit)
     if u == I_ref or e_w * u < 0.0:
         xi += gains.K_i * e_w * gains.T_c
-    return I_ref, xi
-
-
-@kernel
-def sampled(gains, command, position, w, xi):
-    """I_ref and xi after a sample of the whole cascade."""
-    return speed_pi(gains, speed_reference(gains, command, position), w, xi)
-
-
-@kernel
-def continuous(gains, command, position, w):
-    """LF's simplified control logic: I_ref = clamp(K_p*(w_ref - w), +-current_limit), no integral, no sampling."""
-    w_ref = speed_reference(gains, command, position)
-    return clamp(gains.K_p * (w_ref - w), -gains.current_limit, gains.current_limit)
+    return I_ref, derivative.after(memory, xi, D, e_w, r)
 
 
 @kernel

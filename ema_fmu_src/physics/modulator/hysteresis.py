@@ -8,11 +8,12 @@ from ..phases import Abc
 
 
 class Comparator(NamedTuple):
-    """The comparators' settings; `margin` is how close to the band counts as there."""
+    """The comparators' settings; `margin` is how close to the band counts as there, `gain` that of the current sensors."""
 
     band: float
     margin: float
     dead_time: float
+    gain: Abc
 
 
 @kernel
@@ -43,15 +44,15 @@ def look(comparator, legs, error):
 
 @kernel
 def approach(leg_j, ref, slope_j, w_e, s_j, c_j):
-    """The leg with the speed at which its error nears the band: side_j*(di_j/dt - di_ref_j/dt)."""
+    """The leg with the speed at which its error nears the band: side_j*(di_j/dt - di_ref_j/dt), the slope as it is measured."""
     return Leg(leg_j.side, leg_j.dead_left, leg_j.side * (slope_j + w_e * (ref.cos * c_j - ref.sin * s_j)))
 
 
 @kernel
-def time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j):
+def time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, shown_j, decay_j):
     """The earlier of `h` and the time at which the comparator's turn changes the leg's voltage, as the slopes predict it.
 
-    decay_j = R_j/L_j bends the current. A comparator that turns while the current flows through the diode of the leg's
+    decay_j = R_j/L_j bends the current, shown_j is its slope as it is measured. A comparator that turns while the current flows through the diode of the leg's
     present rail changes nothing before the dead time is over: a commutation then takes one step instead of two, which
     halves HF's time. A current that may die out in the dead time is looked at step by step.
     """
@@ -61,5 +62,5 @@ def time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, decay_j):
         distance = leg_j.side * error_j + comparator.band
         if leg_j.closing * (h - wait) > distance:
             t = distance / leg_j.closing
-            h = t + 0.5 * decay_j * leg_j.side * t * t * slope_j / leg_j.closing + wait
+            h = t + 0.5 * decay_j * leg_j.side * t * t * shown_j / leg_j.closing + wait
     return h

@@ -1,0 +1,61 @@
+"""PID on the motor's position, straight to the current reference (ours; as drives that one can buy have it).
+
+Without limits it is the cascade of `cascade` with K_p = K_pos*K_p' + K_i', K_i = K_i'*K_pos, K_d = K_p', b = K_pos*K_p'/K_p,
+c = 0, T_f -> 0, where the primes are the cascade's and the gear has no play. With a limit active they are different laws.
+"""
+
+from typing import NamedTuple
+
+from ..jit import kernel
+from ..trig import clamp
+from . import derivative
+
+
+class Gains(NamedTuple):
+    """The PID's parameters; `scale` is the fault of its gain."""
+
+    scale: float
+    K_p: float
+    K_i: float
+    K_d: float
+    T_f: float
+    b: float
+    c: float
+    T_c: float
+    current_limit: float
+
+
+@kernel
+def sampled(gains, forward, r, y, w, memory):
+    """I_ref and the memory after a sample, r = G*command, y the measured motor position:
+    u = scale*K_p*(b*r - y) + xi + K_d*s/(1 + T_f*s)*(c*r - y) + feed-forward, I_ref = clamp(u, +-current_limit).
+
+    The derivative begins at that of a steady speed w. Conditional anti-windup: the integral moves by scale*K_i*(r - y)*T_c
+    only while the output is free or the position error drives it back.
+    """
+    e, e_d = r - y, gains.c * r - y
+    if memory.samples >= 1.0:
+        D = derivative.backward(memory.D, gains.K_d, gains.T_f, e_d - memory.e_d, gains.T_c)
+    else:
+        D = -gains.K_d * w
+    u = gains.scale * gains.K_p * (gains.b * r - y) + memory.xi + D + derivative.ahead(forward, memory, r, gains.T_c)
+    I_ref = clamp(u, -gains.current_limit, gains.current_limit)
+    xi = memory.xi
+    if u == I_ref or e * u < 0.0:
+        xi += gains.scale * gains.K_i * e * gains.T_c
+    return I_ref, derivative.after(memory, xi, D, e_d, r)
+
+
+@kernel
+def continuous(gains, forward, r, y, w, h, memory):
+    """LF's, without sampling: the derivative part is -K_d*w plus c*K_d*dr/dt; h is how often LF looks. Returns as `sampled`."""
+    e, e_d = r - y, gains.c * r - y
+    D = -gains.K_d * w
+    if memory.samples >= 1.0:
+        D += gains.c * gains.K_d * (r - memory.r) / h
+    u = gains.scale * gains.K_p * (gains.b * r - y) + memory.xi + D + derivative.ahead(forward, memory, r, h)
+    I_ref = clamp(u, -gains.current_limit, gains.current_limit)
+    xi = memory.xi
+    if u == I_ref or e * u < 0.0:
+        xi += gains.scale * gains.K_i * e * h
+    return I_ref, derivative.after(memory, xi, D, e_d, r)

@@ -1,0 +1,62 @@
+"""Modulation at a carrier: from the voltages that are asked for to the legs' duties, and to the times at which they switch.
+
+Regular sampling, twice a carrier period: within a half of it each leg switches once, where the carrier passes its duty. So
+the edges are known beforehand.
+"""
+
+from typing import NamedTuple
+
+from ..jit import kernel
+from ..phases import Abc
+from ..trig import clamp
+
+SINE_TRIANGLE, SPACE_VECTOR = 2.0, 3.0
+"""`inverter.modulation`."""
+NEVER = 1e30
+"""A time [s] that does not come."""
+
+
+class Given(NamedTuple):
+    """Leg voltages about the mid-point, and whether they fall short of what was asked for."""
+
+    v: Abc
+    limited: bool
+
+
+class Pulse(NamedTuple):
+    """A leg's half carrier period: the side on which it begins (+1 upper, -1 lower), and the time to its edge."""
+
+    side: float
+    edge: float
+
+
+@kernel
+def modulate(u, top, space_vector):
+    """What the legs can give of the voltages u, within +-top; with the space vector's injection, at last six steps."""
+    high, low = max(u.a, u.b, u.c), min(u.a, u.b, u.c)
+    if space_vector:
+        shift = 0.5 * (high + low)
+        u = Abc(u.a - shift, u.b - shift, u.c - shift)
+        high, low = high - shift, low - shift
+    if high <= top and low >= -top:
+        return Given(u, False)
+    return Given(Abc(clamp(u.a, -top, top), clamp(u.b, -top, top), clamp(u.c, -top, top)), True)
+
+
+@kernel
+def pulse(v_j, V_dc, rising, T, least, keeps_off):
+    """The half carrier period T of a leg that is to give v_j.
+
+    A pulse shorter than `least` [s] is dropped; where the utilisation keeps the legs off the rails (`keeps_off`), it is
+    lengthened instead, for a leg that stays on its rail would give more than that.
+    """
+    on = (0.5 + v_j / V_dc) * T if V_dc > 0.0 else 0.0
+    if on < least:
+        on = least if keeps_off else 0.0
+    elif T - on < least:
+        on = T - least if keeps_off else T
+    if on <= 0.0:
+        return Pulse(-1.0, NEVER)
+    if on >= T:
+        return Pulse(1.0, NEVER)
+    return Pulse(1.0, on) if rising else Pulse(-1.0, T - on)

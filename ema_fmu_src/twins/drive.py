@@ -1,0 +1,267 @@
+"""The drive of every fidelity: the control law, what its sensors show, and its current loop."""
+
+from typing import NamedTuple
+
+from ..physics import current_loop, inverter, monitor, sensor
+from ..physics.averaged import Legs
+from ..physics.controller import cascade, derivative, pid
+from ..physics.current_loop import Loop, Passage, Response
+from ..physics.jit import kernel
+from ..physics.modulator import carrier, reference
+from ..physics.phases import Abc
+from ..physics.trig import sincos
+from . import host
+from .host import clock, inputs
+from .layout import derived, law, now
+from .memory import port
+from .status import Status
+
+PID, FIELD_ORIENTED, HYSTERESIS = 2.0, 2.0, 1.0
+"""`controller.structure` (1: cascade), `controller.current_control` (1: ideal), `inverter.modulation` (other: a carrier)."""
+SLOWEST = -1e-6
+"""Decay [1/s] of a current loop below which it grows."""
+
+
+class Seen(NamedTuple):
+    """What the drive's sensors show: the motor's position and, on the motor's side, the user shaft's."""
+
+    motor_position: float
+    position: float
+
+
+@kernel
+def is_oriented(v):
+    """Whether the current loop is the sampled one, and not ideal."""
+    return v[port.controller.current_control] == FIELD_ORIENTED
+
+
+@kernel
+def _loop(v):
+    """The current loop, for the machine as it was designed for: without its faults."""
+    R, T = v[port.motor.R] + v[port.inverter.R_on], 0.5 / v[port.inverter.carrier_frequency]
+    K, K_i = current_loop.gains(
+        R,
+        v[port.motor.L],
+        T,
+        v[port.controller.current.bandwidth],
+        v[port.controller.current.K_p],
+        v[port.controller.current.K_i],
+    )
+    return Loop(
+        K, K_i, T, R, v[port.motor.L], v[port.motor.K_e],
+        v[port.controller.current.decoupling], v[port.controller.current.emf_forward],
+    )  # fmt: skip
+
+
+@kernel
+def derive(v, x):
+    """Write what follows from the drive's parameters. Returns a Status."""
+    ideal, hysteresis = not is_oriented(v), v[port.inverter.modulation] == HYSTERESIS
+    if ideal != hysteresis:
+        return Status.PAIR
+    gain, offset = sensors(v)
+    unequal = gain.a != 1.0 or gain.b != 1.0 or gain.c != 1.0
+    shifted = offset.a != 0.0 or offset.b != 0.0 or offset.c != 0.0
+    x[derived.senses] = 1.0 if unequal or shifted else 0.0
+    elsewhere = v[port.fault.resolver_offset] != 0.0 or v[port.fault.open_switch] != 0.0
+    x[derived.astray] = 1.0 if unequal or shifted or elsewhere else 0.0
+    if ideal:
+        return Status.OK
+    loop = _loop(v)
+    response = current_loop.response(loop)
+    if response.decay_1 < 0.0 or response.decay_2 < SLOWEST:
+        return Status.LOOP
+    write_loop(x, loop, response, current_loop.over(loop, response, x[clock.step]))
+    shorted = v[port.fault.N_a] != 1.0 or v[port.fault.N_b] != 1.0 or v[port.fault.N_c] != 1.0
+    changed = v[port.fault.magnet] != 1.0 or v[port.fault.resistance] != 1.0
+    moved = v[port.fault.zeta] != 0.0 or v[port.fault.resolver_offset] != 0.0
+    x[derived.unlike] = 1.0 if shorted or changed or moved else 0.0
+    return Status.OK
+
+
+@kernel
+def start(v, x):
+    """The drive at time 0: its current loop has settled, and its sensors show what is."""
+    if is_oriented(v):
+        loop = read_loop(x)
+        q = monitor.quadrature_current(Abc(x[now.i_a], x[now.i_b], x[now.i_c]), x[now.s], x[now.c])
+        x[now.xi_q] = loop.R * q + (1.0 - loop.emf_forward) * loop.K_e * x[now.w]
+    show(v, x, x[now.theta], Abc(x[now.i_a], x[now.i_b], x[now.i_c]), x[now.s], x[now.c])
+
+
+@kernel
+def write_loop(x, loop, response, passage):
+    """Keep the current loop."""
+    x[derived.loop_K], x[derived.loop_K_i], x[derived.loop_T], x[derived.loop_R] = loop.K, loop.K_i, loop.T, loop.R
+    x[derived.loop_L], x[derived.loop_K_e] = loop.L, loop.K_e
+    x[derived.loop_decoupling], x[derived.loop_emf_forward] = loop.decoupling, loop.emf_forward
+    x[derived.response_decay_1], x[derived.response_decay_2] = response.decay_1, response.decay_2
+    x[derived.response_turning] = response.turning
+    x[derived.response_M_xx], x[derived.response_M_xy], x[derived.response_M_yx] = (
+        response.M_xx,
+        response.M_xy,
+        response.M_yx,
+    )
+    x[derived.passage_M_xx], x[derived.passage_M_xy] = passage.M_xx, passage.M_xy
+    x[derived.passage_M_yx], x[derived.passage_M_yy] = passage.M_yx, passage.M_yy
+    x[derived.passage_stiff], x[derived.passage_share] = passage.stiff, passage.share
+    x[derived.passage_follow] = passage.follow
+
+
+@kernel
+def read_loop(x):
+    """The current loop."""
+    return Loop(
+        x[derived.loop_K], x[derived.loop_K_i], x[derived.loop_T], x[derived.loop_R], x[derived.loop_L], x[derived.loop_K_e],
+        x[derived.loop_decoupling], x[derived.loop_emf_forward],
+    )  # fmt: skip
+
+
+@kernel
+def passage(x, loop, h):
+    """What the current loop does over a step h; over a whole step it is known."""
+    if h == x[clock.step]:
+        return Passage(
+            x[derived.passage_M_xx], x[derived.passage_M_xy], x[derived.passage_M_yx], x[derived.passage_M_yy],
+            x[derived.passage_stiff], x[derived.passage_share], x[derived.passage_follow],
+        )  # fmt: skip
+    response = Response(
+        x[derived.response_decay_1], x[derived.response_decay_2], x[derived.response_turning],
+        x[derived.response_M_xx], x[derived.response_M_xy], x[derived.response_M_yx],
+    )  # fmt: skip
+    return current_loop.over(loop, response, h)
+
+
+@kernel
+def sensors(v):
+    """The current sensors with their faults."""
+    return reference.Sensors(
+        Abc(v[port.fault.current_gain_a], v[port.fault.current_gain_b], v[port.fault.current_gain_c]),
+        Abc(v[port.fault.current_offset_a], v[port.fault.current_offset_b], v[port.fault.current_offset_c]),
+    )
+
+
+@kernel
+def legs(v, V_dc):
+    """The inverter at a carrier."""
+    return Legs(
+        0.5 * V_dc * v[port.inverter.utilisation],
+        V_dc,
+        v[port.inverter.dead_time],
+        v[port.inverter.modulation] == carrier.SPACE_VECTOR,
+        inverter.open_sides(v[port.fault.open_switch]),
+    )
+
+
+@kernel
+def look(v, theta, position):
+    """The positions as HF's sensors show them."""
+    bits, counts, offset = v[port.sensor.resolver_bits], v[port.sensor.counts], v[port.fault.resolver_offset]
+    G = v[port.gear.ratio]
+    return Seen(sensor.resolver(theta + offset, bits, counts), sensor.resolver(position * G + offset, bits, counts) / G)
+
+
+@kernel
+def look_ideally(v, theta, position):
+    """The positions as ideal sensors show them, but for the fault of the resolver."""
+    offset = v[port.fault.resolver_offset]
+    if offset == 0.0:
+        return Seen(theta, position)
+    return Seen(theta + offset, position + offset / v[port.gear.ratio])
+
+
+@kernel
+def turned(v, s, c):
+    """Sine and cosine of theta_e as a resolver shows it that is ideal but for its fault."""
+    offset = v[port.fault.resolver_offset]
+    if offset == 0.0:
+        return s, c
+    s_off, c_off = sincos(v[port.motor.p] * offset)
+    return s * c_off + c * s_off, c * c_off - s * s_off
+
+
+@kernel
+def show(v, x, motor_position, i, s, c):
+    """Keep what the controller has measured: the motor's position and, at the angle of it (sine s, cosine c), the quadrature
+    current."""
+    x[law.motor_position] = motor_position
+    if x[derived.senses] != 0.0:
+        i = reference.measured(i, sensors(v))
+    x[law.q] = monitor.quadrature_current(i, s, c)
+
+
+@kernel
+def _memory(x):
+    """What the control law remembers."""
+    return derivative.Memory(x[now.xi], x[law.D], x[law.e_d], x[law.r], x[law.dr], x[law.samples])
+
+
+@kernel
+def _remember(x, memory):
+    x[now.xi], x[law.D], x[law.e_d], x[law.r], x[law.dr], x[law.samples] = memory
+
+
+@kernel
+def _forward(v):
+    return derivative.Forward(v[port.controller.feedforward_speed], v[port.controller.feedforward_acceleration])
+
+
+@kernel
+def cascade_gains(v, x, K_i, T_c):
+    """The cascade's gains with their fault; `K_i` and `T_c` [s] as the twin takes them."""
+    return cascade.Gains(
+        x[derived.K_motor],
+        v[port.controller.speed_limit],
+        v[port.controller.K_p],
+        K_i,
+        v[port.controller.K_d],
+        v[port.controller.T_d],
+        T_c,
+        v[port.controller.current_limit],
+    )
+
+
+@kernel
+def _pid_gains(v):
+    return pid.Gains(
+        v[port.fault.gain],
+        v[port.controller.pid.K_p],
+        v[port.controller.pid.K_i],
+        v[port.controller.pid.K_d],
+        v[port.controller.pid.T_f],
+        v[port.controller.pid.b],
+        v[port.controller.pid.c],
+        v[port.controller.period],
+        v[port.controller.current_limit],
+    )
+
+
+@kernel
+def control(v, x, t, seen, w):
+    """The controller's sample at time `t` [s], by the control law: writes I_ref and what the law remembers, returns I_ref."""
+    command = host.input_at(v, x, inputs.command, t)
+    r = v[port.gear.ratio] * command
+    if v[port.controller.structure] == PID:
+        I_ref, memory = pid.sampled(_pid_gains(v), _forward(v), r, seen.motor_position, w, _memory(x))
+    else:
+        gains = cascade_gains(v, x, v[port.controller.K_i], v[port.controller.period])
+        I_ref, memory = cascade.sampled(gains, _forward(v), command, r, seen.position, w, _memory(x))
+    _remember(x, memory)
+    x[now.I_ref] = I_ref
+    return I_ref
+
+
+@kernel
+def control_continuously(v, x, t, h):
+    """LF's: the control law at time `t` [s] in its form without sampling, h [s] since the last look. The cascade's has no
+    integral."""
+    command = host.input_at(v, x, inputs.command, t)
+    r = v[port.gear.ratio] * command
+    if v[port.controller.structure] == PID:
+        I_ref, memory = pid.continuous(_pid_gains(v), _forward(v), r, x[now.theta], x[now.w], h, _memory(x))
+    else:
+        gains = cascade_gains(v, x, 0.0, h)
+        without = derivative.Memory(0.0, x[law.D], x[law.e_d], x[law.r], x[law.dr], x[law.samples])
+        I_ref, memory = cascade.sampled(gains, _forward(v), command, r, x[now.position], x[now.w], without)
+    _remember(x, memory)
+    x[now.I_ref] = I_ref
