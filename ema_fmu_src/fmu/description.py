@@ -4,13 +4,13 @@ import uuid
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from .. import __author__, __copyright__, __license__, __version__, ports
-from ..twins import TWINS, hf
+from ..twins import TWINS, switched
 from .markup import literal
 from .units import DISPLAY_UNITS, DISPLAYED, UNITS, declare
 from .variant import DEFAULT, Variant
 
 START_TIME, STOP_TIME, STEP_SIZE = "0.0", "2.5", "0.0001"
-DEFAULT_TOLERANCE = hf.MARGIN
+DEFAULT_TOLERANCE = switched.MARGIN
 """Relative tolerance of an experiment that gives none (FMI 2.0, section 2.2.5)."""
 EXPERIMENT = {"startTime": START_TIME, "stopTime": STOP_TIME, "stepSize": STEP_SIZE, "tolerance": f"{DEFAULT_TOLERANCE!r}"}
 """Attributes of the default experiment."""

@@ -10,10 +10,9 @@ Over a step h of the averaged twins, x = r - i and y = xi - R*r - D, D a steady 
 h/T of one sample's matrix: what HF's samples would do, whatever the step.
 """
 
-import math
 from typing import NamedTuple
 
-from .exponential import exp, log
+from .exponential import exp, log, root
 from .frame import Dq
 from .jit import kernel
 from .trig import sincos
@@ -81,13 +80,13 @@ def response(loop):
     half, product = 0.5 * (M_xx + 1.0), M_xx - M_xy * M_yx
     below = half * half - product
     if below < 0.0:
-        size, angle = log(half, math.sqrt(-below))
+        size, angle = log(half, root(-below))
         return Response(-size / T, -size / T, angle / T, M_xx, M_xy, M_yx)
-    root = math.sqrt(below)
-    if half - root < 0.0:  # rings from sample to sample: no power of it is real
+    apart = root(below)
+    if half - apart < 0.0:  # rings from sample to sample: no power of it is real
         return Response(-1.0, -1.0, 0.0, M_xx, M_xy, M_yx)
-    fast, _ = log(max(LEAST, half - root), 0.0)
-    slow, _ = log(max(LEAST, half + root), 0.0)
+    fast, _ = log(max(LEAST, half - apart), 0.0)
+    slow, _ = log(max(LEAST, half + apart), 0.0)
     if slow - fast < APART * abs(fast):
         fast = slow * (1.0 + APART)
     return Response(-fast / T, -slow / T, 0.0, M_xx, M_xy, M_yx)
@@ -97,7 +96,7 @@ def response(loop):
 def _power(of, T, h):
     """c_1 and c_0 with M = c_1*M_T + c_0."""
     if of.turning != 0.0:
-        s_1, e_1 = sincos(of.turning * T)
+        s_1, _ = sincos(of.turning * T)
         s_n, _ = sincos(of.turning * h)
         s_less, _ = sincos(of.turning * (h - T))
         size = exp(-of.decay_1 * h)

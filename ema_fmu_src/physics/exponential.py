@@ -9,6 +9,12 @@ HALVINGS = 6
 
 
 @kernel
+def root(x):
+    """Square root; 0 below 0, for a compiler that knows so much makes an instruction of it and not a call."""
+    return math.sqrt(max(0.0, x))
+
+
+@kernel
 def exp(x):
     """e^x to 1e-14 for x <= 0, the decays that are asked for; 0 below -700."""
     if x < -700.0:
@@ -34,8 +40,8 @@ def exp(x):
 def log(re, im):
     """Principal logarithm, its real and imaginary part, of re + j*im, im >= 0, within 1e-3 to 1e3 of 0, to 1e-13."""
     for _ in range(HALVINGS):
-        size = math.sqrt(re * re + im * im)
-        re, im = math.sqrt(max(0.0, 0.5 * (size + re))), math.sqrt(max(0.0, 0.5 * (size - re)))
+        size = root(re * re + im * im)
+        re, im = root(0.5 * (size + re)), root(0.5 * (size - re))
     # 2*artanh(q), q = (z - 1)/(z + 1)
     below = (re + 1.0) * (re + 1.0) + im * im
     q_re, q_im = (re * re + im * im - 1.0) / below, 2.0 * im / below

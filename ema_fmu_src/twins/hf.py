@@ -126,7 +126,7 @@ def _peak(v, x, loop, sensors, motion, i, legs, V_dc):
     v_dq = to_frame(given.v, s, c) if given.limited else u
     x[now.xi_d], x[now.xi_q] = current_loop.integrated(loop, I_ref, xi, i_dq, u, v_dq)
     _mark(x, given.limited or not inverter.live(V_dc))
-    rising = x[own.peak] % 2.0 == 0.0
+    rising = int(x[own.peak]) & 1 == 0
     least, keeps_off = v[port.inverter.minimum_pulse], v[port.inverter.utilisation] < 1.0
     a = carrier.pulse(given.v.a, V_dc, rising, T, least, keeps_off)
     b = carrier.pulse(given.v.b, V_dc, rising, T, least, keeps_off)
