@@ -2,7 +2,7 @@
 
 from . import inverter
 from .jit import kernel
-from .modulator import hysteresis
+from .modulator import carrier, hysteresis
 from .phases import Abc
 
 SHORTEST = 1e-9
@@ -33,13 +33,20 @@ def step_to_event(comparator, star, ref, w_e, i, legs, error, circuit, s, c, lon
 
 
 @kernel
-def step_to_edge(legs, edge, i, circuit, longest):
-    """The step of legs whose edges are known: to the next edge, or the next change of a leg that is off, at most `longest`."""
+def _edge(h, leg_j, edge_j, dead_time, gate_j, rail_j, i_j, slope_j):
+    """The earlier of `h` and the next change of a leg's voltage."""
+    if edge_j < h:
+        h = carrier.time_to_change(h, leg_j, edge_j, dead_time, gate_j, i_j, slope_j)
+    return inverter.time_to_commutation(h, leg_j, gate_j, rail_j, i_j, slope_j)
+
+
+@kernel
+def step_to_edge(legs, edge, dead_time, i, circuit, longest):
+    """The step of legs whose edges are known: to the next change of a leg's voltage, at most `longest`."""
     slope, gate, rail = circuit.slope, circuit.gate, circuit.rail
-    h = min(longest, edge.a, edge.b, edge.c)
-    h = inverter.time_to_commutation(h, legs.a, gate.a, rail.a, i.a, slope.a)
-    h = inverter.time_to_commutation(h, legs.b, gate.b, rail.b, i.b, slope.b)
-    h = inverter.time_to_commutation(h, legs.c, gate.c, rail.c, i.c, slope.c)
+    h = _edge(longest, legs.a, edge.a, dead_time, gate.a, rail.a, i.a, slope.a)
+    h = _edge(h, legs.b, edge.b, dead_time, gate.b, rail.b, i.b, slope.b)
+    h = _edge(h, legs.c, edge.c, dead_time, gate.c, rail.c, i.c, slope.c)
     return min(longest, max(h, SHORTEST))
 
 

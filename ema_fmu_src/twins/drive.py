@@ -142,13 +142,25 @@ def sensors(v):
 
 
 @kernel
+def top(v, V_dc):
+    """The most that a leg gives at a carrier, about the mid-point."""
+    return 0.5 * V_dc * v[port.inverter.utilisation]
+
+
+@kernel
+def injects(v):
+    """Whether the modulation is that of space vectors."""
+    return v[port.inverter.modulation] == carrier.SPACE_VECTOR
+
+
+@kernel
 def legs(v, V_dc):
-    """The inverter at a carrier."""
+    """The inverter at a carrier, averaged."""
     return Legs(
-        0.5 * V_dc * v[port.inverter.utilisation],
+        top(v, V_dc),
         V_dc,
         v[port.inverter.dead_time],
-        v[port.inverter.modulation] == carrier.SPACE_VECTOR,
+        injects(v),
         inverter.open_sides(v[port.fault.open_switch]),
     )
 

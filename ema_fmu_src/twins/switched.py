@@ -14,8 +14,8 @@ from ..physics.modulator import hysteresis, reference
 from ..physics.phases import Abc, three_phases
 from ..physics.trig import clamp, rotate, sincos
 from . import actuator, drive, layout
-from .host import told
-from .layout import derived, now
+from .host import clock, told
+from .layout import derived, now, since
 from .memory import Moving, State, places, port, whole
 
 OWN = (
@@ -36,6 +36,8 @@ N_STATES = len(STATES)
 MOVING = Moving(len(layout.ONCE), len(layout.MOVING) + len(OWN))
 own = places("own", OWN, first=len(layout.ONCE) + len(layout.MOVING))
 
+MOST_STEPS = 20000
+"""Bound of event-located steps in 1e-4 s, beside those that the longest step asks for; a healthy run takes some 60."""
 MARGIN = 4e-3
 """Event-located: a current error this close to the band, as a fraction of it, has reached it. The relative tolerance of an
 experiment, if one is given, takes its place, within FINEST and COARSEST."""
@@ -177,3 +179,16 @@ def midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
     sums = _sum_up(m, sums, circuit.rail, i, i_mean, i_new, s, c, h)
     s, c = rotate(motion.s, motion.c, m.p * (theta - motion.theta))
     return actuator.Motion(theta, w, position, s, c, T_f, stop), i_new, legs, sums
+
+
+@kernel
+def tick(x):
+    """End a controller period."""
+    x[clock.tick] += 1.0
+
+
+@kernel
+def mark(x, limited):
+    """Whether the voltage limits, as it is found now."""
+    x[now.limited] = 1.0 if limited else 0.0
+    x[since.limited] += x[now.limited]

@@ -6,6 +6,7 @@ the edges are known beforehand.
 
 from typing import NamedTuple
 
+from ..inverter import Leg
 from ..jit import kernel
 from ..phases import Abc
 from ..trig import clamp
@@ -60,3 +61,38 @@ def pulse(v_j, V_dc, rising, T, least, keeps_off):
     if on >= T:
         return Pulse(1.0, NEVER)
     return Pulse(1.0, on) if rising else Pulse(-1.0, T - on)
+
+
+@kernel
+def time_to_change(h, leg_j, edge_j, dead_time, gate_j, i_j, slope_j):
+    """The earlier of `h` and the time at which the leg's next edge changes its voltage.
+
+    While the current flows through the diode of the leg's present rail, an edge changes nothing before the dead time is over:
+    a commutation then takes one step instead of two. A current that may die out in the dead time is looked at step by step.
+    """
+    at_edge = i_j + edge_j * slope_j
+    kept = gate_j != 0.0 and leg_j.side * at_edge < -2.0 * dead_time * abs(slope_j)
+    return min(h, edge_j + dead_time if kept else edge_j)
+
+
+@kernel
+def begun(leg_j, pulse_j, dead_time):
+    """The leg at the beginning of its half carrier period."""
+    return leg_j if leg_j.side == pulse_j.side else Leg(pulse_j.side, dead_time, 0.0)
+
+
+@kernel
+def _passed(leg_j, edge_j, h, dead_time):
+    """The leg after a step h, and the time to its next edge: an edge within the step has begun a dead time."""
+    if edge_j > h:
+        return Leg(leg_j.side, leg_j.dead_left - h, 0.0), edge_j - h
+    return Leg(-leg_j.side, dead_time - (h - edge_j), 0.0), NEVER
+
+
+@kernel
+def passed(legs, edge, h, dead_time):
+    """The legs after a step h, and the times to their next edges."""
+    a, edge_a = _passed(legs.a, edge.a, h, dead_time)
+    b, edge_b = _passed(legs.b, edge.b, h, dead_time)
+    c, edge_c = _passed(legs.c, edge.c, h, dead_time)
+    return Abc(a, b, c), Abc(edge_a, edge_b, edge_c)

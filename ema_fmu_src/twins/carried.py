@@ -1,0 +1,182 @@
+"""HF at a carrier: the sampled current loop, and legs whose edges are known beforehand.
+
+A step is half a carrier period, or a part of it up to the controller's tick. In it the back-EMF is that of its middle, so
+that the currents are those of a linear circuit from edge to edge, second order and without a search; the rotor then moves
+once, under the mean torque.
+"""
+
+from typing import NamedTuple
+
+from ..physics import current_loop, events, inverter, monitor, stability, windings
+from ..physics.circuit import connect, damped, mean_square, stopped_at_zero
+from ..physics.frame import Dq, to_frame, to_phases
+from ..physics.jit import kernel
+from ..physics.modulator import carrier, reference
+from ..physics.phases import Abc, three_phases
+from ..physics.trig import rotate
+from . import actuator, drive, host, switched
+from .host import clock, inputs, partial
+from .layout import now
+from .memory import port
+from .status import Status
+from .switched import MOST_STEPS, MOVING, STIFF, own
+
+
+class Sums(NamedTuple):
+    """Integrals over time since a step's beginning: the currents [A.s], supply charge [C], loss over R [A2.s]."""
+
+    i: Abc
+    charge: float
+    square: float
+
+
+@kernel
+def _peak(v, x, loop, sensors, motion, i, legs, V_dc):
+    """A peak of the carrier: the current loop's sample, through its sensors. Writes xi and the limit, returns the legs and
+    the times to their edges in the half period that begins."""
+    p, T = v[port.motor.p], loop.T
+    seen = drive.look(v, motion.theta, motion.position)
+    s, c = rotate(motion.s, motion.c, p * (seen.motor_position - motion.theta))
+    i_dq = to_frame(reference.measured(i, sensors), s, c)
+    xi, I_ref = Dq(x[now.xi_d], x[now.xi_q]), x[now.I_ref]
+    u = current_loop.voltages(loop, I_ref, xi, i_dq, motion.w, p * motion.w)
+    s, c = rotate(s, c, 0.5 * p * motion.w * T)
+    given = carrier.modulate(to_phases(u, s, c), drive.top(v, V_dc), drive.injects(v))
+    v_dq = to_frame(given.v, s, c) if given.limited else u
+    x[now.xi_d], x[now.xi_q] = current_loop.integrated(loop, I_ref, xi, i_dq, u, v_dq)
+    switched.mark(x, given.limited or not inverter.live(V_dc))
+    rising = int(x[own.peak]) & 1 == 0
+    x[own.peak] += 1.0
+    least, keeps_off = v[port.inverter.minimum_pulse], v[port.inverter.utilisation] < 1.0
+    a = carrier.pulse(given.v.a, V_dc, rising, T, least, keeps_off)
+    b = carrier.pulse(given.v.b, V_dc, rising, T, least, keeps_off)
+    c = carrier.pulse(given.v.c, V_dc, rising, T, least, keeps_off)
+    dead_time = v[port.inverter.dead_time]
+    legs = Abc(carrier.begun(legs.a, a, dead_time), carrier.begun(legs.b, b, dead_time), carrier.begun(legs.c, c, dead_time))
+    return legs, Abc(a.edge, b.edge, c.edge)
+
+
+@kernel
+def _segment(m, i, legs, circuit, e, h):
+    """The currents after a time h in which no voltage changes, by the midpoint rule, and their mean; implicit in the
+    resistances where these bend them (STIFF)."""
+    slope, g = circuit.slope, circuit.g
+    if h * m.star.decay > STIFF:
+        d, g = windings.inductor_voltages(circuit.v, m.star.R, i, e), damped(m.star, g, h)
+        v_n = windings.star_point(d, g, windings.per_sum(g))
+        i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
+        i_mean = windings.mean_currents(i, i_new, m.phases, h)
+    else:
+        middle = Abc(i.a + 0.5 * h * slope.a, i.b + 0.5 * h * slope.b, i.c + 0.5 * h * slope.c)
+        d = windings.inductor_voltages(circuit.v, m.star.R, middle, e)
+        v_n = windings.star_point(d, g, circuit.per_g)
+        i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
+        third = 1.0 / 3.0
+        i_mean = Abc(
+            third * (i.a + middle.a + i_new.a), third * (i.b + middle.b + i_new.b), third * (i.c + middle.c + i_new.c)
+        )
+    if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
+        i_new = stopped_at_zero(legs, m.open_side, circuit.is_live, i, i_new, g)
+    return i_new, i_mean
+
+
+@kernel
+def _segments(m, i, legs, edge, e, V_dc, span):
+    """From edge to edge over a time `span` with a steady back-EMF: currents, legs, times to their edges, sums, and how many
+    segments there were."""
+    t, segments, dead_time, N = 0.0, 0, m.comparator.dead_time, m.N
+    q_a, q_b, q_c, charge, square = 0.0, 0.0, 0.0, 0.0, 0.0
+    while t < span:
+        circuit = connect(legs, m.open_side, m.star, i, e, V_dc)
+        left = span - t
+        h = events.step_to_edge(legs, edge, dead_time, i, circuit, left)
+        legs, edge = carrier.passed(legs, edge, h, dead_time)
+        i_new, i_mean = _segment(m, i, legs, circuit, e, h)
+        q_a, q_b, q_c = q_a + h * i_mean.a, q_b + h * i_mean.b, q_c + h * i_mean.c
+        rail = circuit.rail
+        charge += 0.5 * h * (rail.a * i_mean.a + rail.b * i_mean.b + rail.c * i_mean.c)
+        square += h * (N.a * mean_square(i.a, i_new.a) + N.b * mean_square(i.b, i_new.b) + N.c * mean_square(i.c, i_new.c))
+        i = i_new
+        t = span if h >= left else t + h
+        segments += 1
+    return i, legs, edge, Sums(Abc(q_a, q_b, q_c), charge, square), segments
+
+
+@kernel
+def _step(v, x, m, motion, i, legs, edge, sums, V_dc, load, h):
+    """A step h: the currents from edge to edge, then the rotor."""
+    s, c = rotate(motion.s, motion.c, 0.5 * m.p * motion.w * h)
+    sines, cosines = three_phases(s, c)
+    k = windings.back_emf_coefficients(m.N, m.field, sines, cosines)
+    w_ahead = actuator.w_ahead(v, x, motion, windings.torque(k, i), load, h)
+    i, legs, edge, over, segments = _segments(m, i, legs, edge, windings.back_emf(k, w_ahead), V_dc, h)
+    per_h = 1.0 / h
+    i_mean = Abc(over.i.a * per_h, over.i.b * per_h, over.i.c * per_h)
+    _, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, i_mean), load, h)
+    q = monitor.quadrature_current(i_mean, s, c)
+    sums = switched.Sums(
+        monitor.low_pass(sums.i_filtered, q, monitor.smoothing(h, m.tau)),
+        sums.charge + over.charge,
+        sums.loss + m.R * over.square,
+    )
+    s, c = rotate(motion.s, motion.c, m.p * (theta - motion.theta))
+    return actuator.Motion(theta, w, position, s, c, T_f, stop), i, legs, edge, sums, segments
+
+
+@kernel
+def _parts(T, longest):
+    """A half carrier period T in as many equal parts as come nearest to the longest step."""
+    return T / max(1.0, float(int(T / longest + 0.5)))
+
+
+@kernel
+def run(v, x, t):
+    """Run to time `t` [s]. Returns a Status."""
+    T_c = v[port.controller.period]
+    m, loop = switched.machine(v, x), drive.read_loop(x)
+    longest = _parts(loop.T, x[clock.step])
+    most = MOST_STEPS * max(1.0, T_c / 1e-4) + 2.0 * T_c / longest
+    close = host.CLOSE * longest
+    motion, i, legs, sums = switched.read(x)
+    edge = Abc(x[own.edge_a], x[own.edge_b], x[own.edge_c])
+    elapsed = x[clock.offset]
+    steps = 0
+    while True:
+        begun = x[clock.tick] * T_c + elapsed
+        left = t - begun
+        if left <= close:
+            break
+        if x[clock.tick] == x[clock.next_sample]:
+            motion = switched.sample(v, x, motion, i, x[clock.tick] * T_c)
+            x[clock.next_sample] += 1.0
+            steps = 0
+        V_dc = max(0.0, host.input_at(v, x, inputs.supply_voltage, begun))
+        to_peak = x[own.peak] * loop.T - begun
+        if to_peak <= close:
+            legs, edge = _peak(v, x, loop, m.sensors, motion, i, legs, V_dc)
+            to_peak += loop.T
+        h = min(T_c - elapsed, to_peak if to_peak < longest + close else longest)
+        h = stability.for_turn(h, m.p * abs(motion.w))
+        if h == 0.0 or steps > most:
+            return Status.STIFF if h == 0.0 else Status.STUCK
+        partial_step = h > left + close
+        if partial_step:
+            switched.write(x, motion, i, legs, sums)
+            x[own.edge_a], x[own.edge_b], x[own.edge_c] = edge
+            x[clock.offset] = elapsed
+            host.back_up(v, x, MOVING)
+            h = left
+        load = host.input_at(v, x, inputs.load_torque, begun + 0.5 * h)
+        motion, i, legs, edge, sums, segments = _step(v, x, m, motion, i, legs, edge, sums, V_dc, load, h)
+        steps += segments
+        if partial_step:
+            break
+        elapsed += h
+        if elapsed >= T_c - close:
+            elapsed = 0.0
+            switched.tick(x)
+    switched.write(x, motion, i, legs, sums)
+    x[own.edge_a], x[own.edge_b], x[own.edge_c] = edge
+    if x[partial.pending] == 0.0:
+        x[clock.offset] = elapsed
+    return Status.OK
