@@ -19,6 +19,16 @@ class Leg(NamedTuple):
 
 
 @kernel
+def aged(legs, h):
+    """The legs after a step h in which none has switched."""
+    return Abc(
+        Leg(legs.a.side, legs.a.dead_left - h, legs.a.closing),
+        Leg(legs.b.side, legs.b.dead_left - h, legs.b.closing),
+        Leg(legs.c.side, legs.c.dead_left - h, legs.c.closing),
+    )
+
+
+@kernel
 def open_side(open_switch, number):
     """+1 (upper) or -1 (lower) if `open_switch` (1, 2: leg 0; 3, 4: leg 1; 5, 6: leg 2) is in leg `number`, else 0."""
     code = int(open_switch) - 2 * number

@@ -58,8 +58,8 @@ def _peak(v, x, loop, sensors, motion, i, legs, V_dc):
 
 @kernel
 def _segment(m, i, legs, circuit, e, h):
-    """The currents after a time h in which no voltage changes, by the midpoint rule, and their mean; implicit in the
-    resistances where these bend them (STIFF)."""
+    """The currents after a time h in which no voltage changes, and their mean: second order in what the resistances bend them,
+    as by the midpoint rule, which would solve the star twice; implicit in them where they bend much (STIFF)."""
     slope, g = circuit.slope, circuit.g
     if h * m.star.decay > STIFF:
         d, g = windings.inductor_voltages(circuit.v, m.star.R, i, e), damped(m.star, g, h)
@@ -67,13 +67,15 @@ def _segment(m, i, legs, circuit, e, h):
         i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
         i_mean = windings.mean_currents(i, i_new, m.phases, h)
     else:
-        middle = Abc(i.a + 0.5 * h * slope.a, i.b + 0.5 * h * slope.b, i.c + 0.5 * h * slope.c)
-        d = windings.inductor_voltages(circuit.v, m.star.R, middle, e)
-        v_n = windings.star_point(d, g, circuit.per_g)
-        i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
-        third = 1.0 / 3.0
+        bend = windings.bend(m.star, g, circuit.per_g, slope)
+        half, sixth = 0.5 * h, h * h * (1.0 / 6.0)
+        i_new = Abc(
+            i.a + h * (slope.a - half * bend.a), i.b + h * (slope.b - half * bend.b), i.c + h * (slope.c - half * bend.c)
+        )
         i_mean = Abc(
-            third * (i.a + middle.a + i_new.a), third * (i.b + middle.b + i_new.b), third * (i.c + middle.c + i_new.c)
+            i.a + half * slope.a - sixth * bend.a,
+            i.b + half * slope.b - sixth * bend.b,
+            i.c + half * slope.c - sixth * bend.c,
         )
     if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
         i_new = stopped_at_zero(legs, m.open_side, circuit.is_live, i, i_new, g)
@@ -90,8 +92,9 @@ def _segments(m, i, legs, edge, e, V_dc, span):
         circuit = connect(legs, m.open_side, m.star, i, e, V_dc)
         left = span - t
         h = events.step_to_edge(legs, edge, dead_time, i, circuit, left)
-        legs, edge = carrier.passed(legs, edge, h, dead_time)
+        legs = inverter.aged(legs, h)
         i_new, i_mean = _segment(m, i, legs, circuit, e, h)
+        legs, edge = carrier.passed(legs, edge, h, dead_time)
         q_a, q_b, q_c = q_a + h * i_mean.a, q_b + h * i_mean.b, q_c + h * i_mean.c
         rail = circuit.rail
         charge += 0.5 * h * (rail.a * i_mean.a + rail.b * i_mean.b + rail.c * i_mean.c)

@@ -165,11 +165,7 @@ def midpoint(v, x, m, motion, i, legs, sums, circuit, load, h):
         d = windings.inductor_voltages(circuit.v, m.star.R, middle, e)
         v_n = windings.star_point(d, g, circuit.per_g)
     i_new = Abc(i.a + h * g.a * (d.a - v_n), i.b + h * g.b * (d.b - v_n), i.c + h * g.c * (d.c - v_n))
-    legs = Abc(
-        Leg(legs.a.side, legs.a.dead_left - h, legs.a.closing),
-        Leg(legs.b.side, legs.b.dead_left - h, legs.b.closing),
-        Leg(legs.c.side, legs.c.dead_left - h, legs.c.closing),
-    )
+    legs = inverter.aged(legs, h)
     if circuit.gate.a * circuit.gate.b * circuit.gate.c == 0.0:
         i_new = stopped_at_zero(legs, m.open_side, circuit.is_live, i, i_new, g)
     if stiff:

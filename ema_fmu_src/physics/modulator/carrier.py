@@ -83,15 +83,15 @@ def begun(leg_j, pulse_j, dead_time):
 
 @kernel
 def _passed(leg_j, edge_j, h, dead_time):
-    """The leg after a step h, and the time to its next edge: an edge within the step has begun a dead time."""
+    """The leg, aged by a step h, and the time to its next edge: an edge within the step has begun a dead time."""
     if edge_j > h:
-        return Leg(leg_j.side, leg_j.dead_left - h, 0.0), edge_j - h
+        return leg_j, edge_j - h
     return Leg(-leg_j.side, dead_time - (h - edge_j), 0.0), NEVER
 
 
 @kernel
 def passed(legs, edge, h, dead_time):
-    """The legs after a step h, and the times to their next edges."""
+    """The legs, aged by a step h, and the times to their next edges."""
     a, edge_a = _passed(legs.a, edge.a, h, dead_time)
     b, edge_b = _passed(legs.b, edge.b, h, dead_time)
     c, edge_c = _passed(legs.c, edge.c, h, dead_time)
