@@ -345,7 +345,7 @@ VARIABLES: tuple[Variable, ...] = (
         "1/turn",
         0.0,
         (0.0, 1e9),
-        "Motor-side feedback, counts a turn; 0: by sensor.resolver_bits",
+        "Feedback in the control law, counts a motor turn; 0: by sensor.resolver_bits",
         unused_by=("ELF", "LF"),
         nominal=1e3,
     ),

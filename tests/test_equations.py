@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ema_fmu_src.physics import mechanics, monitor, sensor, single_phase, trig, voltage_limit, windings
-from ema_fmu_src.physics.controller import cascade
+from ema_fmu_src.physics.controller import cascade, derivative
 from ema_fmu_src.physics.phases import Abc, three_phases
 
 HEALTHY = Abc(1.0, 1.0, 1.0)
@@ -16,7 +16,15 @@ def alike(value: float) -> Abc:
     return Abc(value, value, value)
 
 
-GAINS = cascade.Gains(K_motor=40.0 * 200.0, speed_limit=2000.0, K_p=1.3, K_i=10.0, T_c=1e-4, current_limit=10.0)
+GAINS = cascade.Gains(
+    K_motor=40.0 * 200.0, speed_limit=2000.0, K_p=1.3, K_i=10.0, K_d=0.0, T_d=1e-3, T_c=1e-4, current_limit=10.0
+)
+NONE = derivative.Forward(0.0, 0.0)
+
+
+def remembered(xi: float) -> derivative.Memory:
+    return derivative.Memory(xi, 0.0, 0.0, 0.0, 0.0, 0.0)
+
 
 
 def test_sincos_agrees_with_the_c_library():
@@ -38,7 +46,7 @@ def test_rotation_agrees_with_the_addition_theorem():
 
 def test_friction_depends_on_load_and_direction():
     """Power through a gear: (1/eta - 1)*|T_L| is lost when the load opposes the motion, (1 - eta)*|T_L| when it aids it."""
-    friction = mechanics.Friction(0.06, 0.03, loss_opposing=1.0 / 0.8 - 1.0, loss_aiding=0.1, C=0.0)
+    friction = mechanics.Friction(0.06, 0.03, 0.0, loss_opposing=1.0 / 0.8 - 1.0, loss_aiding=0.1, C=0.0)
     assert mechanics.load_friction(2.0, 1.0, friction) == pytest.approx(0.5)
     assert mechanics.load_friction(2.0, -1.0, friction) == pytest.approx(0.2)
     assert mechanics.load_friction(-2.0, -1.0, friction) == pytest.approx(0.5)
@@ -46,7 +54,7 @@ def test_friction_depends_on_load_and_direction():
 
 def test_the_slowest_speed_stops_at_zero_before_it_turns():
     """Borello: what crosses zero sticks, and at the least speed a double can hold its product with the next is 0."""
-    friction = mechanics.Friction(0.06, 0.03, loss_opposing=0.0, loss_aiding=0.0, C=0.0)
+    friction = mechanics.Friction(0.06, 0.03, 0.0, loss_opposing=0.0, loss_aiding=0.0, C=0.0)
     for speed in (5e-324, 1e-170, 1e-3):
         assert mechanics.rotor(speed, 0.0, 0.0, friction, 1e-5, 1e-5)[0] == 0.0
         assert mechanics.rotor(-speed, 0.0, 0.0, friction, 1e-5, 1e-5)[0] == 0.0
@@ -97,13 +105,16 @@ def test_saturated_legs_follow_from_the_star():
 
 
 def test_controller_limits_and_does_not_wind_up():
-    """The integral stands still in saturation unless the error drives it back (cascade.speed_pi)."""
+    """The integral stands still in saturation unless the error drives it back (cascade.sampled)."""
     assert cascade.speed_reference(GAINS, 1.0, 0.0) == 2000.0
-    assert cascade.speed_pi(GAINS, 100.0, 0.0, 0.5) == (10.0, 0.5)
-    I_ref, xi = cascade.speed_pi(GAINS, 1.0, 0.0, 0.5)
-    assert (I_ref, xi) == (pytest.approx(1.8), pytest.approx(0.501))
-    _, xi = cascade.speed_pi(GAINS, -1.0, 0.0, 20.0)
-    assert xi < 20.0
+
+    def sampled(w_ref: float, xi: float) -> tuple[float, float]:
+        I_ref, memory = cascade.sampled(GAINS, NONE, w_ref / GAINS.K_motor, 0.0, 0.0, 0.0, remembered(xi))
+        return I_ref, memory.xi
+
+    assert sampled(100.0, 0.5) == (10.0, 0.5)
+    assert sampled(1.0, 0.5) == (pytest.approx(1.8), pytest.approx(0.501))
+    assert sampled(-1.0, 20.0)[1] < 20.0
 
 
 @pytest.mark.parametrize("I_ref", [-9.0, 0.3, 4.0])
@@ -111,7 +122,7 @@ def test_the_carrying_integral_makes_the_next_sample_go_on(I_ref):
     """By its definition: with it, the cascade's next sample has the I_ref that it was made from."""
     position, w = 0.1, 10.0
     xi = cascade.carrying_integral(GAINS, 0.101, position, w, I_ref)
-    assert cascade.sampled(GAINS, 0.101, position, w, xi)[0] == pytest.approx(I_ref, rel=1e-12)
+    assert cascade.sampled(GAINS, NONE, 0.101, 0.0, position, w, remembered(xi))[0] == pytest.approx(I_ref, rel=1e-12)
 
 
 def test_healthy_shape_functions_are_one():
@@ -145,6 +156,6 @@ def test_clarke_and_park_give_back_the_amplitude():
 
 def test_resolver_rounds_to_the_nearest_count():
     count = 2.0 * math.pi / 2**10
-    assert sensor.resolver(3.4 * count, 10) == pytest.approx(3 * count)
-    assert sensor.resolver(-3.6 * count, 10) == pytest.approx(-4 * count)
-    assert sensor.resolver(0.1234, 0) == 0.1234
+    assert sensor.resolver(3.4 * count, 10, 0.0) == pytest.approx(3 * count)
+    assert sensor.resolver(-3.6 * count, 10, 0.0) == pytest.approx(-4 * count)
+    assert sensor.resolver(0.1234, 0, 0.0) == 0.1234

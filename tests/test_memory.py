@@ -8,11 +8,11 @@ from types import ModuleType
 import pytest
 
 from ema_fmu_src import ports
-from ema_fmu_src.twins import SLOPES, STALE, TOLERANCE, TWINS, actuator, elf, hf, host, lf
+from ema_fmu_src.twins import SLOPES, STALE, TOLERANCE, TWINS, elf, hf, host, layout, lf
 from ema_fmu_src.twins.memory import Moving, port
 
 TWIN_OF = {"HF": hf, "ELF": elf, "LF": lf}
-BLOCKS = (host.told, host.clock, host.partial, actuator.derived, actuator.since, actuator.now)
+BLOCKS = (host.told, host.clock, host.partial, layout.derived, layout.law, layout.since, layout.now)
 PLAIN = """
 import json
 from flight import Flight

@@ -54,10 +54,10 @@ class Plant(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What the healthy loop does in a step: x and y at its beginning, and the measured currents at its end, d and q."""
+    """What the healthy loop does in a step: x and y of `current_loop` at its beginning, and the measured currents at its end."""
 
-    x: Dq
-    y: Dq
+    current_error: Dq
+    voltage_error: Dq
     i: Dq
 
 
@@ -123,8 +123,8 @@ def aim(loop, passage, w, w_e, I_ref, xi, i):
 def carried_on(passage, aim, xi):
     """xi after a step in which the legs gave what was asked for."""
     return Dq(
-        xi.d + passage.M_yx * aim.x.d + (passage.M_yy - 1.0) * aim.y.d,
-        xi.q + passage.M_yx * aim.x.q + (passage.M_yy - 1.0) * aim.y.q,
+        xi.d + passage.M_yx * aim.current_error.d + (passage.M_yy - 1.0) * aim.voltage_error.d,
+        xi.q + passage.M_yx * aim.current_error.q + (passage.M_yy - 1.0) * aim.voltage_error.q,
     )
 
 

@@ -36,7 +36,7 @@ def _peak(v, x, loop, sensors, motion, i, legs, V_dc):
     the times to their edges in the half period that begins."""
     p, T = v[port.motor.p], loop.T
     seen = drive.look(v, motion.theta, motion.position)
-    s, c = rotate(motion.s, motion.c, p * (seen.motor_position - motion.theta))
+    s, c = rotate(motion.s, motion.c, p * (seen.angle - motion.theta))
     i_dq = to_frame(reference.measured(i, sensors), s, c)
     xi, I_ref = Dq(x[now.xi_d], x[now.xi_q]), x[now.I_ref]
     u = current_loop.voltages(loop, I_ref, xi, i_dq, motion.w, p * motion.w)

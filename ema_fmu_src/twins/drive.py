@@ -23,8 +23,9 @@ SLOWEST = -1e-6
 
 
 class Seen(NamedTuple):
-    """What the drive's sensors show: the motor's position and, on the motor's side, the user shaft's."""
+    """What the drive's sensors show: the rotor's angle by which it commutates, the motor's position, the user shaft's."""
 
+    angle: float
     motor_position: float
     position: float
 
@@ -167,10 +168,13 @@ def legs(v, V_dc):
 
 @kernel
 def look(v, theta, position):
-    """The positions as HF's sensors show them."""
+    """What HF's sensors show. A drive that counts, in steps too wide to commutate by, goes on between them with its speed:
+    as that, the angle is ideal (ours)."""
     bits, counts, offset = v[port.sensor.resolver_bits], v[port.sensor.counts], v[port.fault.resolver_offset]
     G = v[port.gear.ratio]
-    return Seen(sensor.resolver(theta + offset, bits, counts), sensor.resolver(position * G + offset, bits, counts) / G)
+    motor_position = sensor.resolver(theta + offset, bits, counts)
+    angle = motor_position if counts == 0.0 else theta + offset
+    return Seen(angle, motor_position, sensor.resolver(position * G + offset, bits, counts) / G)
 
 
 @kernel
@@ -178,8 +182,8 @@ def look_ideally(v, theta, position):
     """The positions as ideal sensors show them, but for the fault of the resolver."""
     offset = v[port.fault.resolver_offset]
     if offset == 0.0:
-        return Seen(theta, position)
-    return Seen(theta + offset, position + offset / v[port.gear.ratio])
+        return Seen(theta, theta, position)
+    return Seen(theta + offset, theta + offset, position + offset / v[port.gear.ratio])
 
 
 @kernel

@@ -120,7 +120,7 @@ def sample(v, x, motion, i, t):
     p = v[port.motor.p]
     seen = drive.look(v, motion.theta, motion.position)
     I_ref = drive.control(v, x, t, seen, motion.w)
-    s_off, c_off = sincos(p * (seen.motor_position - motion.theta))
+    s_off, c_off = sincos(p * (seen.angle - motion.theta))
     x[own.ref_cos], x[own.ref_sin] = I_ref * c_off, I_ref * s_off
     s, c = sincos(p * motion.theta)
     drive.show(v, x, seen.motor_position, i, s * c_off + c * s_off, c * c_off - s * s_off)

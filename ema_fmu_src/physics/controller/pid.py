@@ -19,8 +19,8 @@ class Gains(NamedTuple):
     K_i: float
     K_d: float
     T_f: float
-    b: float
-    c: float
+    b_weight: float
+    c_weight: float
     T_c: float
     current_limit: float
 
@@ -33,12 +33,12 @@ def sampled(gains, forward, r, y, w, memory):
     The derivative begins at that of a steady speed w. Conditional anti-windup: the integral moves by scale*K_i*(r - y)*T_c
     only while the output is free or the position error drives it back.
     """
-    e, e_d = r - y, gains.c * r - y
+    e, e_d = r - y, gains.c_weight * r - y
     if memory.samples >= 1.0:
         D = derivative.backward(memory.D, gains.K_d, gains.T_f, e_d - memory.e_d, gains.T_c)
     else:
         D = -gains.K_d * w
-    u = gains.scale * gains.K_p * (gains.b * r - y) + memory.xi + D + derivative.ahead(forward, memory, r, gains.T_c)
+    u = gains.scale * gains.K_p * (gains.b_weight * r - y) + memory.xi + D + derivative.ahead(forward, memory, r, gains.T_c)
     I_ref = clamp(u, -gains.current_limit, gains.current_limit)
     xi = memory.xi
     if u == I_ref or e * u < 0.0:
@@ -49,11 +49,11 @@ def sampled(gains, forward, r, y, w, memory):
 @kernel
 def continuous(gains, forward, r, y, w, h, memory):
     """LF's, without sampling: the derivative part is -K_d*w plus c*K_d*dr/dt; h is how often LF looks. Returns as `sampled`."""
-    e, e_d = r - y, gains.c * r - y
+    e, e_d = r - y, gains.c_weight * r - y
     D = -gains.K_d * w
     if memory.samples >= 1.0:
-        D += gains.c * gains.K_d * (r - memory.r) / h
-    u = gains.scale * gains.K_p * (gains.b * r - y) + memory.xi + D + derivative.ahead(forward, memory, r, h)
+        D += gains.c_weight * gains.K_d * (r - memory.r) / h
+    u = gains.scale * gains.K_p * (gains.b_weight * r - y) + memory.xi + D + derivative.ahead(forward, memory, r, h)
     I_ref = clamp(u, -gains.current_limit, gains.current_limit)
     xi = memory.xi
     if u == I_ref or e * u < 0.0:
