@@ -26,7 +26,6 @@ def remembered(xi: float) -> derivative.Memory:
     return derivative.Memory(xi, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-
 def test_sincos_agrees_with_the_c_library():
     """math.sin and math.cos are another implementation, good to half a unit in the last place."""
     angles = np.concatenate([np.linspace(-1e4, 1e4, 20001), np.linspace(-7, 7, 20001)])

@@ -32,8 +32,8 @@ class Frames(NamedTuple):
 
 
 class Legs(NamedTuple):
-    """The inverter: the most that a leg gives about the mid-point, V_dc, dead time, whether the space vector is injected, and
-    the legs' sides with a switch that stays open."""
+    """The inverter: the most that a leg gives about the mid-point, V_dc, dead time, whether a space vector is injected,
+    and the legs' sides with a switch that stays open."""
 
     top: float
     V_dc: float
@@ -54,7 +54,7 @@ class Plant(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What the healthy loop does in a step: x and y of `current_loop` at its beginning, and the measured currents at its end."""
+    """What the healthy loop does in a step: x and y of `current_loop` before it, and the measured currents after it."""
 
     current_error: Dq
     voltage_error: Dq
@@ -130,7 +130,7 @@ def carried_on(passage, aim, xi):
 
 @kernel
 def followed(loop, passage, w, w_e, xi, given, i):
-    """xi after a step in which they fell short: it follows the voltages `given`, at the currents `i` of the step's middle."""
+    """xi after a step in which they fell short: it follows the voltages `given`, at the currents `i` of its middle."""
     fed = loop.decoupling * w_e * loop.L
     return Dq(
         xi.d + passage.follow * (given.d + fed * i.q - xi.d),

@@ -50,7 +50,7 @@ class Response(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """A step of the loop: M, the resistance `stiff` [V/A] by which it opposes a current that it did not expect, where between
+    """A step: M, the resistance `stiff` [V/A] by which it opposes a current that it did not expect, where between
     its ends the mean current lies, and how much of the difference from the inverter's voltage xi takes up."""
 
     M_xx: float

@@ -41,7 +41,12 @@ def log(re, im):
     """Principal logarithm, its real and imaginary part, of re + j*im, im >= 0, within 1e-3 to 1e3 of 0, to 1e-13."""
     for _ in range(HALVINGS):
         size = root(re * re + im * im)
-        re, im = root(0.5 * (size + re)), root(0.5 * (size - re))
+        if re >= 0.0:
+            re = root(0.5 * (size + re))
+            im *= 0.5 / re
+        else:
+            re, im = im, root(0.5 * (size - re))
+            re *= 0.5 / im
     # 2*artanh(q), q = (z - 1)/(z + 1)
     below = (re + 1.0) * (re + 1.0) + im * im
     q_re, q_im = (re * re + im * im - 1.0) / below, 2.0 * im / below

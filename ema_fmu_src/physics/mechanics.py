@@ -36,8 +36,9 @@ def rotor(w, T_m, T_L, friction, J, h):
     """w after a step h, and the dry friction T_f during it: J dw/dt = T_m - C*w - T_L - T_f.
 
     Friction after Borello: at rest it balances the net torque up to the static limit; beyond it, or moving, the Coulomb
-    value opposes, both with their asymmetry (ours: where it is larger than they are, none is left); a speed that would change sign in the step stops at zero. Viscous friction by the trapezoidal rule; where
-    it brakes within the step (h*C/J > 2), the speed takes its settled value.
+    value opposes, both with their asymmetry (ours; where it is larger than they are, none is left); a speed that would
+    change sign in the step stops at zero. Viscous friction by the trapezoidal rule; where it brakes within the step
+    (h*C/J > 2), the speed takes its settled value.
     """
     net = T_m - T_L
     direction = w if w != 0.0 else net

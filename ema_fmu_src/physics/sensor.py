@@ -9,7 +9,7 @@ TURN = 2.0 * math.pi
 
 @kernel
 def resolver(angle, bits, counts):
-    """`angle` [rad] rounded to the nearest of `counts` a turn or, where these are 0, of 2^bits; bits = 0 is an ideal sensor."""
+    """`angle` [rad] rounded to the nearest of `counts` a turn or, where these are 0, of 2^bits; bits = 0 is ideal."""
     if counts > 0.0:
         count = TURN / counts
     elif bits < 0.5:

@@ -122,7 +122,7 @@ def star_point(d, g, per_g):
 
 @kernel
 def bend(star, g, per_g, slope):
-    """How fast the slopes of the currents decay, -d2i_j/dt2, at steady voltages: R_j*g_j*slope_j less the star point's part."""
+    """How fast the slopes of the currents decay, -d2i_j/dt2, at steady voltages: R_j*g_j*slope_j less the star's part."""
     R = star.R
     drop = Abc(R.a * slope.a, R.b * slope.b, R.c * slope.c)
     v_n = star_point(drop, g, per_g)

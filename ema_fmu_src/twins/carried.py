@@ -58,7 +58,7 @@ def _peak(v, x, loop, sensors, motion, i, legs, V_dc):
 
 @kernel
 def _segment(m, i, legs, circuit, e, h):
-    """The currents after a time h in which no voltage changes, and their mean: second order in what the resistances bend them,
+    """The currents after a time h in which no voltage changes, and their mean: second order in what the resistances bend,
     as by the midpoint rule, which would solve the star twice; implicit in them where they bend much (STIFF)."""
     slope, g = circuit.slope, circuit.g
     if h * m.star.decay > STIFF:

@@ -254,7 +254,7 @@ def _pid_gains(v):
 
 @kernel
 def control(v, x, t, seen, w):
-    """The controller's sample at time `t` [s], by the control law: writes I_ref and what the law remembers, returns I_ref."""
+    """The controller's sample at time `t` [s], by the control law: writes and returns I_ref, and what it remembers."""
     command = host.input_at(v, x, inputs.command, t)
     r = v[port.gear.ratio] * command
     if v[port.controller.structure] == PID:

@@ -1,4 +1,4 @@
-"""Where what all fidelities remember lies in `x`: what follows from the parameters, what the control law keeps, what moves."""
+"""Where what all fidelities remember lies in `x`: what follows from the parameters, what a control law keeps, what moves."""
 
 from ..physics import current_loop
 from . import host

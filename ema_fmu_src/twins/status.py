@@ -39,6 +39,6 @@ class Status(IntEnum):
     )
     LOOP = (
         7,
-        "the current loop does not settle: it grows or rings from sample to sample; smaller controller.current.K_p and K_i or "
-        "a larger inverter.carrier_frequency are needed",
+        "the current loop does not settle: it grows or rings from sample to sample; "
+        "smaller controller.current.K_p and K_i or a larger inverter.carrier_frequency are needed",
     )

@@ -26,8 +26,8 @@ class Forward(NamedTuple):
 
 @kernel
 def backward(D, K_d, T_f, change, T):
-    """K_d*s/(1 + T_f*s) after a sample in which its input has changed by `change`: backward difference, in effect a filter of
-    T_f + T/2 (the trapezoidal rule would ring for T_f < T/2)."""
+    """K_d*s/(1 + T_f*s) after a sample in which its input has changed by `change`: backward difference, in effect a filter
+    of T_f + T/2 (the trapezoidal rule would ring for T_f < T/2)."""
     return (T_f * D + K_d * change) / (T_f + T)
 
 

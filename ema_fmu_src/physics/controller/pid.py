@@ -48,7 +48,7 @@ def sampled(gains, forward, r, y, w, memory):
 
 @kernel
 def continuous(gains, forward, r, y, w, h, memory):
-    """LF's, without sampling: the derivative part is -K_d*w plus c*K_d*dr/dt; h is how often LF looks. Returns as `sampled`."""
+    """LF's, without sampling: the derivative part is -K_d*w + c*K_d*dr/dt; h [s] since the last look; as `sampled`."""
     e, e_d = r - y, gains.c_weight * r - y
     D = -gains.K_d * w
     if memory.samples >= 1.0:

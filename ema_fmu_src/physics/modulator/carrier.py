@@ -67,7 +67,7 @@ def pulse(v_j, V_dc, rising, T, least, keeps_off):
 def time_to_change(h, leg_j, edge_j, dead_time, gate_j, i_j, slope_j):
     """The earlier of `h` and the time at which the leg's next edge changes its voltage.
 
-    While the current flows through the diode of the leg's present rail, an edge changes nothing before the dead time is over:
+    While the current flows through the diode of the leg's present rail, an edge changes nothing before the dead time ends:
     a commutation then takes one step instead of two. A current that may die out in the dead time is looked at step by step.
     """
     at_edge = i_j + edge_j * slope_j

@@ -44,7 +44,7 @@ def look(comparator, legs, error):
 
 @kernel
 def approach(leg_j, ref, slope_j, w_e, s_j, c_j):
-    """The leg with the speed at which its error nears the band: side_j*(di_j/dt - di_ref_j/dt), the slope as it is measured."""
+    """The leg with the speed at which its error nears the band: side_j*(di_j/dt - di_ref_j/dt), the slope as measured."""
     return Leg(leg_j.side, leg_j.dead_left, leg_j.side * (slope_j + w_e * (ref.cos * c_j - ref.sin * s_j)))
 
 
@@ -52,7 +52,8 @@ def approach(leg_j, ref, slope_j, w_e, s_j, c_j):
 def time_to_band(h, comparator, leg_j, error_j, gate_j, i_j, slope_j, shown_j, decay_j):
     """The earlier of `h` and the time at which the comparator's turn changes the leg's voltage, as the slopes predict it.
 
-    decay_j = R_j/L_j bends the current, shown_j is its slope as it is measured. A comparator that turns while the current flows through the diode of the leg's
+    decay_j = R_j/L_j bends the current, shown_j is its slope as measured. A comparator that turns while the current flows
+    through the diode of the leg's
     present rail changes nothing before the dead time is over: a commutation then takes one step instead of two, which
     halves HF's time. A current that may die out in the dead time is looked at step by step.
     """
