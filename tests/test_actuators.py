@@ -189,6 +189,14 @@ BAD = {
     '[calibration]\nnames = ["motor.R", "motor.R"]\nvalues = {"motor.R" = 1}': r"names: motor.R is there twice",
     '[calibration]\nnames = ["bench.x"]\nvalues = {"motor.R" = 1}': r"names: motor.R is missing",
     '[calibration]\nnames = ["motor.R", "x"]\nvalues = {"motor.R" = 1}\ncovariance = [[1, 2], [2, 1]]': r"vary less",
+    "[limits]\nN_a = 1.2": r"\[limits\] N_a: less than 1, which is healthy, is needed",
+    "[limits]\nfriction = 0.5": r"\[limits\] friction: more than 1, which is healthy, is needed",
+    "[limits]\ngain = 2000": r"\[limits\] gain: fault.gain = 2000 is out of range",
+    "[parameters]\ntime = 1": r"mine.toml, \[parameters\] time: unknown parameter 'time'",
+    "[parameters]\n" + "a." * 3000 + "b = 1": r"mine.toml, parameters: more than 32 tables or lists in each other",
+    "[provenance]\nx = " + 60 * "[" + "1" + 60 * "]": r"mine.toml, provenance: more than 32 tables or lists",
+    'name = "../evil"': r"mine.toml, name: '../evil' cannot name a file",
+    'name = "' + 300 * "x" + '"': r"cannot name a file; .* of at most 100 characters",
     "name = 3": r"name: a text is needed, not 3",
     "parameters = 3": r"parameters: a table \[parameters\] is needed, not 3",
     "[parameters": r"is not TOML",
@@ -463,6 +471,25 @@ def test_a_foreign_parameter_set_may_have_other_units(tmp_path: Path) -> None:
     assert found.parameters == pytest.approx({"motor.R": 0.08, "motor.p": 8.0}) and found.name == "theirs"
     with pytest.raises(HarnessError, match=r"motor.R: .* does not measure"):
         read_actuator(str(written(tmp_path, text.replace("mOhm", "V"), "theirs.ssv")))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('output_lead="0.005 m"', 'output_lead="0"', r"output_lead: 0 m a turn is out of range, 1e-06 to 1000 m"),
+        ('output_lead="0.005 m"', 'output_lead="-5 mm"', r"output_lead: -0.005 m a turn is out of range"),
+        ('output_lead="0.005 m"', 'output_lead="5 mm +- 1 %"', r"output_lead: a length without a tolerance"),
+        ('encoding="UTF-8"', 'encoding="foo"', r"is not XML: unknown encoding"),
+        ('encoding="UTF-8"', 'encoding="utf-7"', r"is not XML"),
+        ('description="mine"', 'description="../evil"', r"name: '../evil' cannot name a file"),
+    ],
+)
+def test_a_parameter_set_that_cannot_be_used_is_refused(worked: Path, tmp_path: Path, old: str, new: str, told: str) -> None:
+    text = ssp.parameter_set("healthy", {}, variant(read_actuator(str(worked)))).decode()
+    text = text.replace("utf-8", "UTF-8")
+    assert old in text
+    with pytest.raises(HarnessError, match=told):
+        read_actuator(str(written(tmp_path, text.replace(old, new), "set.ssv")))
 
 
 # --- what follows -------------------------------------------------------------------------------------------------------

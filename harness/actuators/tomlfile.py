@@ -9,7 +9,7 @@ from harness.actuators.actuator import Actuator, Output
 from harness.actuators.calibrated import read_calibration
 from harness.actuators.doubts import doubts
 from harness.actuators.sheet import WORDS, from_sheet
-from harness.actuators.values import Stated, stated, stated_for
+from harness.actuators.values import Stated, checked_name, stated, stated_for, stated_lead
 from harness.errors import HarnessError, unknown
 from harness.faults import checked_limit
 from harness.files.toml import flat, read_toml
@@ -46,7 +46,7 @@ def read_actuator_toml(path: Path) -> Actuator:
     parameters = {port: found.value for port, found in values.items()}
     check_together(parameters, str(path))
     return Actuator(
-        name=_text(content, "name", path) or path.stem,
+        name=checked_name(_text(content, "name", path) or path.stem, f"{path}, name"),
         description=_text(content, "description", path),
         parameters=parameters,
         tolerances={port: found.tolerance for port, found in values.items() if found.tolerance is not None},
@@ -86,13 +86,7 @@ def _output(table: Mapping[str, Any], path: Path) -> Output:
     _known(table, ("lead",), f"key in {path}, [output]:")
     if "lead" not in table:
         return Output()
-    where = f"{path}, [output] lead"
-    lead = stated(table["lead"], "m/turn", where, outside=("m", 1.0))
-    if lead.tolerance is not None:
-        raise HarnessError(f"{where}: a length without a tolerance is needed; gear.ratio may have one")
-    if not 1e-6 <= lead.value <= 1e3:
-        raise HarnessError(f"{where}: {lead.value:g} m a turn is out of range, 1e-6 to 1000 m")
-    return Output(lead.value)
+    return Output(stated_lead(table["lead"], f"{path}, [output] lead"))
 
 
 def _parameters(table: Mapping[str, Any], output: Output, where: str) -> dict[str, Stated]:
