@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from harness.cli.build import fmu_folder
+from harness.cli.guarded import Guarded
 from harness.cli.options import FmuDir, chosen_actuator
 from harness.cli.terminal import show as show_table
 from harness.errors import HarnessError
@@ -28,7 +29,7 @@ def new(file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Must not
     typer.echo(f"wrote {file}; ema actuator show {file} prints what comes of it")
 
 
-@actuator.command()
+@actuator.command(cls=Guarded)
 def show(
     name: Annotated[str, typer.Argument(metavar="NAME_OR_FILE", help="As for --actuator.")],
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write all of it as JSON.")] = None,

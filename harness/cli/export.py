@@ -33,6 +33,8 @@ def export(
     contents = {folder / source.name: source.read_bytes() for source in sources}
     if actuator is not None:
         contents |= {folder / name: content for name, content in _parameter_sets(chosen, own).items()}
+    for path in contents:
+        results.prepare_file(path)
     differing = [path for path, content in contents.items() if path.exists() and path.read_bytes() != content]
     if differing and not force:
         raise HarnessError(f"{differing[0]}: is there and differs; --force replaces it")

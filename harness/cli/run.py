@@ -27,6 +27,8 @@ from harness.cli.terminal import progress, show
 FORMATS = ("csv", "parquet", "nc", "mat", "mf4")
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from harness.actuators.actuator import Actuator
     from harness.flight.experiment import Experiment
     from harness.flight.switch import Schedule
@@ -78,6 +80,8 @@ def run(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    for path in _trajectories(flown, {compared_with.name, *(each.name for each in (*wanted, *schedules))}, out, suffix):
+        results.prepare_file(path)
     switched = [each for schedule in schedules for each in schedule.fidelities]
     folder = fmu_folder([*wanted, compared_with, *switched], fmus, chosen)
 
@@ -136,6 +140,13 @@ def _fly(
             experiment, schedules, trials, fmus=folder, parameters=parameters, on_run=on_run, on_progress=on_progress
         )
     return replace(experiment, stopped=interrupted())
+
+
+def _trajectories(trials: "list[Trial]", names: "Collection[str]", out: Path, suffix: str) -> list[Path]:
+    """The files that will be written, one for each run."""
+    from harness.fidelity import file_stem
+
+    return [out / f"{trial.name}_{file_stem(name)}.{suffix}" for trial in trials for name in names]
 
 
 def _write_trajectories(experiment: "Experiment", out: Path, suffix: str) -> None:
