@@ -14,12 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from harness.actuators.actuator import Output
 from harness.cli import app
 from harness.errors import HarnessError
 from harness.files import writers
 from harness.files.header import parse_words
 from harness.files.reader import read_table
 from harness.logs.read import read_one
+from harness.logs.trialfile import read_trial
 
 SOUND = {name: np.linspace(0.0, 1.0, 60) + k for k, name in enumerate(KEPT)}
 SOUND["time"] = np.round(np.arange(60) * 0.01, 4)
@@ -234,6 +236,17 @@ def test_what_we_write_is_read_again_with_its_inputs(suffix: str, tmp_path: Path
     assert list(log.inputs) == ["command", "load_torque"] and "position" in log.channels
     if suffix != "csv":
         assert {column.name: column.unit for column in read_table(path).columns}["load_torque"] == "N.m"
+
+
+@pytest.mark.parametrize("suffix", writers.FORMATS)
+def test_a_rotary_run_is_in_rad_under_a_linear_actuator_too(suffix: str, tmp_path: Path) -> None:
+    """A header without a unit means the port's own in what we write, as in the formats that hold every unit."""
+    path = tmp_path / f"run.{suffix}"
+    path.write_bytes(writers.encode(_run(), suffix))
+    log, trial = read_one(path, output=Output(0.005)), read_trial(path, Output(0.005))
+    for name, series in {"position": log.channels["position"], "command": log.inputs["command"]}.items():
+        np.testing.assert_allclose(series, _run()[name].values, rtol=1e-8, atol=1e-9)
+    assert float(trial.inputs["command"][0]) == pytest.approx(float(_run().command[0]), abs=1e-9)
 
 
 def test_units_outside_stand_in_the_csv_and_are_read(tmp_path: Path) -> None:

@@ -23,7 +23,10 @@ def export(
     alone; the FMUs stay as they are (ema build --actuator makes some that start as that actuator).
     """
     from ema_fmu_src.fidelities import FIDELITIES
+    from ema_fmu_src.fmu.build import SSP
+    from harness.actuators.fmus import rod
     from harness.cli.build import fmu_folder
+    from harness.fidelity import file_stem
     from harness.files import results
 
     chosen = chosen_actuator(actuator)
@@ -41,6 +44,13 @@ def export(
     for path, content in contents.items():
         results.write(path, content)
         typer.echo(f"exported {path}")
+    if actuator is not None and not chosen.is_default:
+        typer.echo(
+            f"the FMUs are the default actuator's; {SSP} and {file_stem(chosen.name)}.ssv make them {chosen.name} "
+            "(ema build --actuator makes some that start as it)"
+        )
+        if told := rod(chosen.output):
+            typer.echo(told)
 
 
 def _parameter_sets(actuator: "Actuator", fmus: Path) -> dict[str, bytes]:

@@ -20,6 +20,7 @@ from harness.cli.options import (
     chosen_actuator,
     chosen_parameters,
     chosen_trials,
+    end_stop,
     small,
 )
 from harness.cli.terminal import progress, show
@@ -73,9 +74,9 @@ def run(
     flown = chosen_trials(trials, trial_file, chosen, columns=columns)
     wanted = parse_fidelities(fidelity)
     compared_with = parse_fidelity(reference, "--reference")
-    for line in small(flown, chosen):
-        typer.echo(line, err=True)
     parameters = chosen_parameters(chosen, settings)
+    for line in (*small(flown, chosen), *end_stop(chosen, parameters)):
+        typer.echo(line, err=True)
     schedules = [parse_schedule(text) for text in switches or []]
     results.prepare(out)
     if json_file:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ema_fmu_src import ports
 from harness.errors import HarnessError
 
-
 _KEPT: ContextVar[tuple[Path, ...]] = ContextVar("kept", default=())
 
 
