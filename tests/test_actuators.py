@@ -327,8 +327,8 @@ def test_what_nobody_stated_is_listed(tmp_path: Path) -> None:
     found = read_actuator(str(written(tmp_path, text)))
     lines = unstated_lines(found)
     assert [line.split(": ")[1] for line in lines] == ["controller", "gear", "inverter"]
-    assert "K_i 10 A/rad" in lines[0] and "K_p" not in lines[0]
-    assert "backlash 7.96e-08 m" in lines[1] and "ratio" not in lines[1]
+    assert "K_i 10 A/rad" in lines[0] and "K_p " not in lines[0]
+    assert "backlash 7.958e-08 m" in lines[1] and "ratio" not in lines[1]
     assert unstated_lines(DEFAULT) == [] and len(json.dumps(as_dict(found, None)["unstated"])) > 100
 
 
@@ -574,7 +574,8 @@ def test_the_library_names_a_source_for_every_number() -> None:
     assert set(library()) == set(SCALE)
     for name in library():
         actuator = read_actuator(name)
-        assert actuator.name == name and actuator.description and actuator.warnings == ()
+        assert actuator.name == name and actuator.description
+        assert all(line.startswith("inverter.hysteresis") for line in actuator.warnings)  # as wide as HF's speed asks for
         for port, origin in actuator.origins.items():
             assert ";" in origin or origin.startswith("T_coulomb, for no breakaway"), (name, port, origin)
     assert read_actuator("default").sha256 == DEFAULT.sha256
@@ -689,7 +690,7 @@ def test_check_flies_another_actuator_and_judges_nothing(
     assert ema(monkeypatch, *words, "--markdown", tmp_path / "c.md") == 0
     assert "none judged: the budgets are the default actuator's" in capsys.readouterr().out
     assert ema(monkeypatch, "check", "--actuator", "maxon-linear-a", "--fmus", fmus["HF"].parent) == 0
-    assert "SIN: angles of a rotary actuator, here at most 0.079 mm of 50 mm" in capsys.readouterr().err
+    assert "SIN: angles of a rotary actuator, here at most 0.08 mm of 50 mm" in capsys.readouterr().err
     assert "no budgets" in (tmp_path / "c.md").read_text()
     judged, free = (Verdict("SIN", "LF", "position", budget, found=0.5) for budget in (1e-9, math.inf))
     assert not judged.passed and free.passed and not Verdict("SIN", "LF", "x", math.inf, failure="crashed").passed

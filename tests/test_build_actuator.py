@@ -49,7 +49,8 @@ def test_the_description_says_whose_it_is(own: dict[str, Path], fmus: dict[str, 
     found, default = (fmpy.read_model_description(str(path)) for path in (own[model], fmus[model]))
     assert found.modelName == f"EMA_{model} {NAME}" and found.coSimulation.modelIdentifier == f"EMA_{model}"
     whose = f"{default.description}; start values of the actuator {NAME} ({actuator.description})"
-    rod = f"1 rad of the user shaft is {0.005 / (2 * np.pi):.9g} m of the rod, and 1 N.m of load_torque {2 * np.pi / 0.005:.9g} N"
+    travel = 0.005 / (2 * np.pi)
+    rod = f"1 rad of the user shaft is {travel:.9g} m of the rod, and 1 N.m of load_torque {1.0 / travel:.9g} N"
     assert found.description == f"{whose}; linear: {rod}"
     assert found.guid != default.guid
     for variable, other in zip(found.modelVariables, default.modelVariables, strict=True):

@@ -33,10 +33,10 @@ class Variant:
 
     def title(self, title: str) -> str:
         """The FMU's description, of which the twin's own is `title`."""
+        if not self.name:
+            return title
         own = f"{self.name} ({self.description})" if self.description else self.name
-        return (
-            "; ".join([title, f"start values of the actuator {own}", *filter(None, [self.output])]) if self.name else title
-        )
+        return "; ".join(filter(None, [title, f"start values of the actuator {own}", self.output]))
 
     @property
     def digest(self) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import typer
 from typer.core import TyperCommand
 
 OUTPUTS = ("out", "json_file", "junit", "page", "markdown", "folder")
@@ -14,7 +13,7 @@ OUTPUTS = ("out", "json_file", "junit", "page", "markdown", "folder")
 class Guarded(TyperCommand):
     """A command within which its inputs are kept: an output that is one of them is refused, before it flies."""
 
-    def invoke(self, ctx: typer.Context) -> Any:
+    def invoke(self, ctx: Any) -> Any:
         from harness.files import results
 
         with results.kept(_inputs(ctx.params)):

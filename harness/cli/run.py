@@ -81,7 +81,8 @@ def run(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    for path in _trajectories(flown, {compared_with.name, *(each.name for each in (*wanted, *schedules))}, out, suffix):
+    names = {compared_with.name, *(each.name for each in wanted), *(each.name for each in schedules)}
+    for path in _trajectories(flown, names, out, suffix):
         results.prepare_file(path)
     switched = [each for schedule in schedules for each in schedule.fidelities]
     folder = fmu_folder([*wanted, compared_with, *switched], fmus, chosen)

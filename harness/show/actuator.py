@@ -58,7 +58,7 @@ def unstated_lines(actuator: Actuator) -> list[str]:
 def _with_unit(actuator: Actuator, name: str) -> str:
     """The value of a parameter in its unit outside."""
     unit = actuator.output.unit(name)
-    return f"{actuator.value(name) * actuator.output.scale(name):.3g}{'' if unit == '1' else f' {unit}'}"
+    return f"{actuator.value(name) * actuator.output.scale(name):.4g}{'' if unit == '1' else f' {unit}'}"
 
 
 def derived_rows(actuator: Actuator) -> list[tuple[str, ...]]:
