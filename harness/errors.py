@@ -34,4 +34,4 @@ def required_extra(extra: str, what: str = "this command") -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        raise HarnessError(f"{what} needs {error.name}: pip install 'ema-twins[{extra}]'") from None
+        raise HarnessError(f"{what} needs {error.name}: pip install -e '.[{extra}]' in the checkout") from None

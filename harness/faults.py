@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from ema_fmu_src import ports
 from harness.errors import HarnessError, unknown
+from harness.parameters import check_value
 
 THRESHOLD = 0.05
 """Loss of health from which a fault is alarmed, if its interval excludes the healthy value."""
@@ -197,7 +198,13 @@ def checked_limit(name: str, value: float, where: str) -> dict[str, float]:
     """{short name: value} of the limit of a fault; HarnessError, beginning with `where`, as from `parse_limits`."""
     name = name.removeprefix("fault.")
     if name not in FAULTS:
-        raise unknown("fault", name, FAULTS)
-    if not math.isfinite(value) or value == FAULTS[name].healthy:
-        raise HarnessError(f"{where}: a number other than {FAULTS[name].healthy:g}, which is healthy, is needed")
+        raise HarnessError(f"{where}: {unknown('fault', name, FAULTS)}")
+    fault = FAULTS[name]
+    if not math.isfinite(value) or value == fault.healthy:
+        raise HarnessError(f"{where}: a number other than {fault.healthy:g}, which is healthy, is needed")
+    low, high = fault.studied
+    if low == fault.healthy > value or high == fault.healthy < value:
+        side = "more" if low == fault.healthy else "less"
+        raise HarnessError(f"{where}: {side} than {fault.healthy:g}, which is healthy, is needed: that way it grows")
+    check_value(ports.VARIABLES[ports.INDEX[fault.port]], value, where)
     return {name: value}

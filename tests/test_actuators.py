@@ -29,6 +29,7 @@ from harness.errors import HarnessError
 from harness.flight.tryout import refusals
 from harness.flight.twin import Twin
 from harness.parameters import merged
+from harness.show.actuator import as_dict, unstated_lines
 from harness.trials import STEP, Trial, grid
 
 RPM = 2.0 * math.pi / 60.0
@@ -189,6 +190,14 @@ BAD = {
     '[calibration]\nnames = ["motor.R", "motor.R"]\nvalues = {"motor.R" = 1}': r"names: motor.R is there twice",
     '[calibration]\nnames = ["bench.x"]\nvalues = {"motor.R" = 1}': r"names: motor.R is missing",
     '[calibration]\nnames = ["motor.R", "x"]\nvalues = {"motor.R" = 1}\ncovariance = [[1, 2], [2, 1]]': r"vary less",
+    "[limits]\nN_a = 1.2": r"\[limits\] N_a: less than 1, which is healthy, is needed",
+    "[limits]\nfriction = 0.5": r"\[limits\] friction: more than 1, which is healthy, is needed",
+    "[limits]\ngain = 2000": r"\[limits\] gain: fault.gain = 2000 is out of range",
+    "[parameters]\ntime = 1": r"mine.toml, \[parameters\] time: unknown parameter 'time'",
+    "[parameters]\n" + "a." * 3000 + "b = 1": r"mine.toml, parameters: more than 32 tables or lists in each other",
+    "[provenance]\nx = " + 60 * "[" + "1" + 60 * "]": r"mine.toml, provenance: more than 32 tables or lists",
+    'name = "../evil"': r"mine.toml, name: '../evil' cannot name a file",
+    'name = "' + 300 * "x" + '"': r"cannot name a file; .* of at most 100 characters",
     "name = 3": r"name: a text is needed, not 3",
     "parameters = 3": r"parameters: a table \[parameters\] is needed, not 3",
     "[parameters": r"is not TOML",
@@ -242,8 +251,7 @@ def test_stated_friction_wins_over_the_no_load_current(tmp_path: Path) -> None:
     assert found.parameters["mechanics.C"] == pytest.approx(0.02 / 100) and not found.warnings
     found = sheet(tmp_path, words, '"mechanics.C" = 1e-4\n"mechanics.T_coulomb" = 0.02')
     assert found.parameters["mechanics.C"] == 1e-4
-    assert len(found.warnings) == 1
-    assert "friction at no load, T_coulomb + C*w_0, is 0.03 N.m" in found.warnings[0]
+    assert sum("friction at no load, T_coulomb + C*w_0, is 0.03 N.m" in line for line in found.warnings) == 1
 
 
 def test_a_stated_parameter_wins_over_the_sheet_and_is_named(tmp_path: Path) -> None:
@@ -263,12 +271,19 @@ def test_calibrated_values_win_over_all(tmp_path: Path) -> None:
 
 
 def test_without_a_no_load_speed_all_is_coulomb_friction(tmp_path: Path) -> None:
-    """K_t*I_0 = 0.05 N.m is T_coulomb, whatever is stated of viscous friction; a T_coulomb above it contradicts it."""
+    """K_t*I_0 = 0.05 N.m is T_coulomb and C is 0; what makes of it another current at the no-load speed is named."""
     words = "torque_constant = 0.1\nno_load_current = 0.5"
-    found = sheet(tmp_path, f"{words}\nviscous_friction = 1e-4")
-    assert found.parameters["mechanics.T_coulomb"] == pytest.approx(0.05) and not found.warnings
-    found = sheet(tmp_path, f'{words}\ncoulomb_friction = "10 N.m"')
-    assert len(found.warnings) == 1 and "friction at no load is at least T_coulomb, 10 N.m" in found.warnings[0]
+    found = sheet(tmp_path, words)
+    assert found.parameters["mechanics.T_coulomb"] == pytest.approx(0.05) and found.parameters["mechanics.C"] == 0.0
+    (current,) = (item for item in derived(found) if item.name == "no-load current")
+    assert not found.warnings and (current.value, current.unit) == (pytest.approx(0.5), "A")
+    assert found.origins["mechanics.T_coulomb"] == "K_t*I_0 = 0.1*0.5 = 0.05 N.m"  # each number once
+    assert sheet(tmp_path, f"{words}\nviscous_friction = 1e-6").warnings == ()
+    for more, told in (("viscous_friction = 1e-4", 0.05 + 1e-4 * 400), ('coulomb_friction = "10 N.m"', 10.0)):
+        found = sheet(tmp_path, f"{words}\n{more}")
+        (line,) = (line for line in found.warnings if line.startswith("no-load current"))
+        amperes = float(line.split()[2])
+        assert "but no_load_current is 0.5 A" in line and amperes == pytest.approx(told / 0.1, rel=0.2)
 
 
 def test_a_linear_actuator_is_no_rotary_one(tmp_path: Path) -> None:
@@ -297,6 +312,42 @@ def test_what_is_hardly_meant_is_named(tmp_path: Path) -> None:
     assert len(found.warnings) == 1 and "lead 5 m a turn" in found.warnings[0]
     found = read_actuator(str(written(tmp_path, '[parameters]\ncontroller.K_p = "80 A.s/rad"\n')))
     assert len(found.warnings) == 1 and "the sampled speed loop is unstable from 2 on" in found.warnings[0]
+
+
+def test_a_band_that_hides_the_friction_is_named(tmp_path: Path) -> None:
+    """T_coulomb/K_t = 0.02/0.1 = 0.2 A."""
+    for band, named in ((0.19, 0), (0.21, 1)):
+        text = f"mechanics.T_coulomb = 0.02\nmechanics.T_static = 0.03\ninverter.hysteresis = {band}"
+        found = sheet(tmp_path, "torque_constant = 0.1", text)
+        assert sum("is more than the 0.2 A that friction needs" in line for line in found.warnings) == named
+
+
+def test_what_nobody_stated_is_listed(tmp_path: Path) -> None:
+    text = '[parameters]\ncontroller.K_p = 0.1\ngear.ratio = 5\n[output]\nlead = "5 mm"\n'
+    found = read_actuator(str(written(tmp_path, text)))
+    lines = unstated_lines(found)
+    assert [line.split(": ")[1] for line in lines] == ["controller", "gear", "inverter"]
+    assert "K_i 10 A/rad" in lines[0] and "K_p " not in lines[0]
+    assert "backlash 7.958e-08 m" in lines[1] and "ratio" not in lines[1]
+    assert unstated_lines(DEFAULT) == [] and len(json.dumps(as_dict(found, None)["unstated"])) > 100
+
+
+def test_end_stops_that_nobody_stated_are_told_where_it_flies(
+    fmus: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On stderr; on stdout, whose flight it was."""
+    own = written(tmp_path, '[parameters]\ngear.ratio = 5.3\n[output]\nlead = "5 mm"\n')
+    trial = written(tmp_path, "time,command\n0,0\n0.1,1e-4\n", "own.csv")
+    common = ("--actuator", own, "--fmus", fmus["LF"].parent, "--out", tmp_path)
+    told = "mechanics.end_stop is not stated: the rotary default of 0.6 is kept, 0.477 mm of travel"
+    fly = ("run", "--trial-file", trial, "--fidelity", "LF", "--reference", "LF")
+    again = ("replay", tmp_path / "own_LF.csv", "--fidelity", "LF")
+    for words in (fly, again):
+        assert ema(monkeypatch, *words, *common) == 0
+        shown = capsys.readouterr()
+        assert (shown.err.count(told) == 1 and "mine" in shown.out) or words is fly
+    assert ema(monkeypatch, *fly, *common, "--set", "mechanics.end_stop=10") == 0
+    assert told not in capsys.readouterr().err
 
 
 def test_a_file_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
@@ -465,6 +516,25 @@ def test_a_foreign_parameter_set_may_have_other_units(tmp_path: Path) -> None:
         read_actuator(str(written(tmp_path, text.replace("mOhm", "V"), "theirs.ssv")))
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('output_lead="0.005 m"', 'output_lead="0"', r"output_lead: 0 m a turn is out of range, 1e-06 to 1000 m"),
+        ('output_lead="0.005 m"', 'output_lead="-5 mm"', r"output_lead: -0.005 m a turn is out of range"),
+        ('output_lead="0.005 m"', 'output_lead="5 mm +- 1 %"', r"output_lead: a length without a tolerance"),
+        ('encoding="UTF-8"', 'encoding="foo"', r"is not XML: unknown encoding"),
+        ('encoding="UTF-8"', 'encoding="utf-7"', r"is not XML"),
+        ('description="mine"', 'description="../evil"', r"name: '../evil' cannot name a file"),
+    ],
+)
+def test_a_parameter_set_that_cannot_be_used_is_refused(worked: Path, tmp_path: Path, old: str, new: str, told: str) -> None:
+    text = ssp.parameter_set("healthy", {}, variant(read_actuator(str(worked)))).decode()
+    text = text.replace("utf-8", "UTF-8")
+    assert old in text
+    with pytest.raises(HarnessError, match=told):
+        read_actuator(str(written(tmp_path, text.replace(old, new), "set.ssv")))
+
+
 # --- what follows -------------------------------------------------------------------------------------------------------
 
 
@@ -504,7 +574,8 @@ def test_the_library_names_a_source_for_every_number() -> None:
     assert set(library()) == set(SCALE)
     for name in library():
         actuator = read_actuator(name)
-        assert actuator.name == name and actuator.description and actuator.warnings == ()
+        assert actuator.name == name and actuator.description
+        assert all(line.startswith("inverter.hysteresis") for line in actuator.warnings)  # as wide as HF's speed asks for
         for port, origin in actuator.origins.items():
             assert ";" in origin or origin.startswith("T_coulomb, for no breakaway"), (name, port, origin)
     assert read_actuator("default").sha256 == DEFAULT.sha256
@@ -577,13 +648,15 @@ def test_show_prints_values_origins_and_flights(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "220")
+    monkeypatch.delenv("COLUMNS", raising=False)
     worked.write_text(WORKED.replace('speed_constant = "135 rpm/V"', 'speed_constant = "110 rpm/V"'))
     code = ema(monkeypatch, "actuator", "show", worked, "--fmus", fmus["HF"].parent, "--json", tmp_path / "show.json")
     told = capsys.readouterr()
     assert code == 0
     assert "fault.zeta" not in told.out and "fault.open_switch" in told.out  # a fault only where it is stated
     assert "gain of the sampled speed loop" in told.out
+    assert max(map(len, told.out.splitlines())) <= 120 or "not stated, the default" in max(told.out.splitlines(), key=len)
+    assert "not stated, the default actuator's: controller: K_pos 40 1/s" in told.out
     assert "R_tt/2 = 0.16/2 = 0.08 Ohm; page 3" in told.out and "rad (0.06 m)" in told.out
     assert told.err.startswith("warning: torque constant 0.0706 N.m/A and 1/k_n")
     found = json.loads((tmp_path / "show.json").read_text())
@@ -616,6 +689,8 @@ def test_check_flies_another_actuator_and_judges_nothing(
     words = ("check", "--actuator", "anaheim-bly171d", "--fmus", fmus["HF"].parent)
     assert ema(monkeypatch, *words, "--markdown", tmp_path / "c.md") == 0
     assert "none judged: the budgets are the default actuator's" in capsys.readouterr().out
+    assert ema(monkeypatch, "check", "--actuator", "maxon-linear-a", "--fmus", fmus["HF"].parent) == 0
+    assert "SIN: angles of a rotary actuator, here at most 0.08 mm of 50 mm" in capsys.readouterr().err
     assert "no budgets" in (tmp_path / "c.md").read_text()
     judged, free = (Verdict("SIN", "LF", "position", budget, found=0.5) for budget in (1e-9, math.inf))
     assert not judged.passed and free.passed and not Verdict("SIN", "LF", "x", math.inf, failure="crashed").passed
@@ -632,7 +707,10 @@ def test_a_campaign_keeps_the_actuator(fmus: dict[str, Path], tmp_path: Path) ->
     Store(tmp_path, plan, {"EMA_ELF.fmu": "0"})
     found = xr.open_zarr(tmp_path / "campaign.zarr")
     assert found.attrs["actuator"] == actuator.name and found.attrs["actuator_sha256"] == actuator.sha256
-    assert found.position.attrs["units"] == "m"
+    assert found.position.attrs == {"units": "m", "long_name": "Position of the rod, after backlash"}
+    assert found["mechanics.end_stop"].attrs["units"] == "m" and float(found["mechanics.end_stop"][0]) == pytest.approx(0.05)
+    for name in (port.name for port in ports.PARAMETERS if found[port.name].attrs["units"] == "m"):
+        assert "rod" in found[name].attrs["long_name"]
     rotary = read_plan(None, {"ranges": {"motor.R": [0.07, 0.09]}, "samples": 2})
     assert rotary.digest({"EMA_ELF.fmu": "0"}) != plan.digest({"EMA_ELF.fmu": "0"})
 

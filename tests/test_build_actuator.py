@@ -48,13 +48,17 @@ def test_the_description_says_whose_it_is(own: dict[str, Path], fmus: dict[str, 
     assert own[model].name == f"EMA_{model}.fmu" and validate_fmu(str(own[model])) == []
     found, default = (fmpy.read_model_description(str(path)) for path in (own[model], fmus[model]))
     assert found.modelName == f"EMA_{model} {NAME}" and found.coSimulation.modelIdentifier == f"EMA_{model}"
-    assert found.description == f"{default.description}; start values of the actuator {NAME} ({actuator.description})"
+    whose = f"{default.description}; start values of the actuator {NAME} ({actuator.description})"
+    travel = 0.005 / (2 * np.pi)
+    rod = f"1 rad of the user shaft is {travel:.9g} m of the rod, and 1 N.m of load_torque {1.0 / travel:.9g} N"
+    assert found.description == f"{whose}; linear: {rod}"
     assert found.guid != default.guid
     for variable, other in zip(found.modelVariables, default.modelVariables, strict=True):
         expected = actuator.parameters.get(variable.name)
         assert variable.start == other.start if expected is None else float(variable.start) == expected
     with zipfile.ZipFile(own[model]) as archive:
-        assert NAME in archive.read("documentation/index.html").decode()
+        page = archive.read("documentation/index.html").decode()
+        assert NAME in page and rod in page
         assert not any(name.startswith("extra/") for name in archive.namelist())  # results of the default actuator
 
 
@@ -69,9 +73,11 @@ def test_it_flies_as_the_default_one_with_these_parameters(own: dict[str, Path],
 
 def test_the_python_runtime_starts_so_too(fmus: dict[str, Path], tmp_path: Path) -> None:
     starts = {"motor.R": 0.5, "motor.p": 3, "driver.coupled_saturation": 1, "fault.open_switch": 2}
-    told = Variant("mine", 'with "quotes", {braces} & <tags>', starts)
+    told = Variant("mine", 'with "quotes", {braces} & <tags>', starts, {}, "1 rad is 2 m")
     (path,) = build(["LF"], out=tmp_path, runtime="python", variant=told)
-    found = {variable.name: variable for variable in fmpy.read_model_description(str(path)).modelVariables}
+    description = fmpy.read_model_description(str(path))
+    assert description.description.endswith("; 1 rad is 2 m")
+    found = {variable.name: variable for variable in description.modelVariables}
     assert [found[name].start for name in starts] == ["0.5", "3", "true", "2"]
     with Twin(path) as twin, Twin(fmus["LF"]) as other:
         run, expected = twin.run(trial("SIN")), other.run(trial("SIN"), {"motor.R": 0.5, "motor.p": 3})
@@ -120,12 +126,15 @@ def test_the_folder_of_the_default_fmus_is_kept(monkeypatch: pytest.MonkeyPatch,
 
 
 def test_export_puts_the_parameters_into_the_ssp(
-    fmus: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fmus: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """libcosim, which applies the set that is bound, then gets what FMPy gets with these parameters."""
     monkeypatch.setattr("harness.fidelity.FMU_DIR", fmus["HF"].parent)
     actuator = read_actuator(NAME)
     assert ema(monkeypatch, "export", tmp_path, "--actuator", NAME) == 0
+    told = capsys.readouterr().out
+    assert f"the FMUs are the default actuator's; {SSP} and {NAME}.ssv make them {NAME}" in told
+    assert "1 rad of the user shaft is 0.000795774715 m of the rod, and 1 N.m of load_torque 1256.63706 N" in told
     assert (tmp_path / "EMA_HF.fmu").read_bytes() == fmus["HF"].read_bytes()
     assert read_actuator(str(tmp_path / f"{NAME}.ssv")).sha256 == actuator.sha256
     unpacked = tmp_path / "unpacked"

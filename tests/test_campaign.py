@@ -126,6 +126,12 @@ def test_a_plan_that_cannot_be_flown_is_refused_with_a_line(options, message):
     assert "\n" not in str(refusal.value)
 
 
+def test_what_goes_beside_a_plan_is_told_its_option(tmp_path):
+    (tmp_path / "plan.toml").write_text('trial_file = "own.csv"')
+    with pytest.raises(HarnessError, match=r"plan.toml, trial_file: is no key of a plan; .* --trial-file FILE"):
+        read_plan(tmp_path / "plan.toml", {})
+
+
 def test_unknown_key_of_a_file_names_the_nearest(tmp_path):
     (tmp_path / "plan.toml").write_text("sample = 3\n")
     with pytest.raises(HarnessError, match="did you mean samples"):

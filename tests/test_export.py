@@ -84,7 +84,7 @@ def test_the_wheel_exports_what_it_carries(installed: Path, fmus: dict[str, Path
 def test_without_the_fmus_and_without_zig_a_line_says_what_to_install(installed: Path, tmp_path: Path) -> None:
     done = _ema(installed, tmp_path, "build", "--out", str(tmp_path))
     assert done.returncode == 2
-    assert done.stderr.strip() == "ema: building FMUs needs ziglang: pip install 'ema-twins[build]'"
+    assert done.stderr.strip() == "ema: building FMUs needs ziglang: pip install -e '.[build]' in the checkout"
 
 
 def test_export_keeps_what_differs(

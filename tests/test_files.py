@@ -14,12 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from ema_fmu_src import ports
+from harness.actuators.actuator import Output
 from harness.cli import app
 from harness.errors import HarnessError
 from harness.files import writers
 from harness.files.header import parse_words
 from harness.files.reader import read_table
 from harness.logs.read import read_one
+from harness.logs.trialfile import read_trial
 
 SOUND = {name: np.linspace(0.0, 1.0, 60) + k for k, name in enumerate(KEPT)}
 SOUND["time"] = np.round(np.arange(60) * 0.01, 4)
@@ -236,6 +239,18 @@ def test_what_we_write_is_read_again_with_its_inputs(suffix: str, tmp_path: Path
         assert {column.name: column.unit for column in read_table(path).columns}["load_torque"] == "N.m"
 
 
+@pytest.mark.parametrize("suffix", writers.FORMATS)
+def test_a_rotary_run_is_in_rad_under_a_linear_actuator_too(suffix: str, tmp_path: Path) -> None:
+    """A header without a unit means the port's own in what we write, as in the formats that hold every unit."""
+    path = tmp_path / f"run.{suffix}"
+    others = {port.name: ("time", np.zeros(200), {"units": port.unit}) for port in ports.OUTPUTS if port.name not in _run()}
+    path.write_bytes(writers.encode(_run().assign(others), suffix))
+    log, trial = read_one(path, output=Output(0.005)), read_trial(path, Output(0.005))
+    for name, series in {"position": log.channels["position"], "command": log.inputs["command"]}.items():
+        np.testing.assert_allclose(series, _run()[name].values, rtol=1e-8, atol=1e-9)
+    assert float(trial.inputs["command"][0]) == pytest.approx(float(_run().command[0]), abs=1e-9)
+
+
 def test_units_outside_stand_in_the_csv_and_are_read(tmp_path: Path) -> None:
     run = _run()
     run["position"] = run["position"].assign_attrs(units="mm")
@@ -273,7 +288,7 @@ def test_a_campaigns_dataset_is_read_as_one_long_table(tmp_path: Path) -> None:
 def test_a_missing_extra_is_one_line(library: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     content = DIALECTS[name].content(SOUND)
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(HarnessError, match=rf"needs {library}: pip install 'ema-twins\[files\]'"):
+    with pytest.raises(HarnessError, match=rf"needs {library}: pip install -e '.\[files\]' in the checkout"):
         _read(tmp_path, content)
 
 

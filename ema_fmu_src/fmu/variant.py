@@ -13,13 +13,15 @@ class Variant:
     """What makes the FMUs of one actuator: its `name` ("" for the default one), its `description`, its start values.
 
     `starts`: name of a parameter or an input -> start value in the port's unit; the rest start as the ports say. `about`:
-    further texts that the FMU's record keeps, such as where the actuator came from.
+    further texts that the FMU's record keeps, such as where the actuator came from. `output`: a text that says what the
+    ports' units of the user shaft mean at its output, if that is no shaft.
     """
 
     name: str = ""
     description: str = ""
     starts: Mapping[str, float] = field(default_factory=dict)
     about: Mapping[str, str] = field(default_factory=dict)
+    output: str = ""
 
     def start(self, variable: ports.Variable, model: str) -> float:
         """Start value of `variable` in the twin `model`."""
@@ -31,15 +33,17 @@ class Variant:
 
     def title(self, title: str) -> str:
         """The FMU's description, of which the twin's own is `title`."""
+        if not self.name:
+            return title
         own = f"{self.name} ({self.description})" if self.description else self.name
-        return f"{title}; start values of the actuator {own}" if self.name else title
+        return "; ".join(filter(None, [title, f"start values of the actuator {own}", self.output]))
 
     @property
     def digest(self) -> str:
         """SHA-256 of all that goes into the FMU; "" for the default actuator."""
         if not self.name:
             return ""
-        whole = [self.name, self.description, dict(self.starts), dict(self.about)]
+        whole = [self.name, self.description, dict(self.starts), dict(self.about), self.output]
         return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
     @property

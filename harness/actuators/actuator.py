@@ -21,6 +21,15 @@ ANGLES = ("command", "position", "mechanics.end_stop", "gear.backlash", "initial
 """Ports [rad] on the user's side, which are lengths [m] of a rod."""
 TORQUES = ("load_torque",)
 """Ports [N.m] on the user's side, which are forces [N] on a rod."""
+ROD = {
+    "command": "Commanded position of the rod",
+    "position": "Position of the rod, after backlash",
+    "mechanics.end_stop": "End stops at plus and minus this position of the rod",
+    "gear.backlash": "Total play at the rod",
+    "initial.position": "Position of the rod at the start, held within the play",
+    "load_torque": "External force on the rod; positive opposes positive motion",
+}
+"""What these ports are at a rod."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,11 @@ class Output:
         if self.lead is None:
             return own
         return "m" if port in ANGLES else "N" if port in TORQUES else own
+
+    def meaning(self, port: str) -> str:
+        """What `port` is, in words."""
+        own = ports.VARIABLES[ports.INDEX[port]].description
+        return own if self.lead is None else ROD.get(port, own)
 
     def scale(self, port: str) -> float:
         """What a value of `port` inside is multiplied with to be one outside."""

@@ -38,6 +38,7 @@ def derived(actuator: Actuator) -> list[Derived]:
         Derived("torque constant", K_t, "N.m/A", "K_t = 1.5*K_e"),
         Derived("saturation speed", V / (math.sqrt(3.0) * K_e), "rad/s", "V/(sqrt(3)*K_e): the back-EMF alone takes all"),
         Derived("no-load speed", w_0, "rad/s", NO_LOAD),
+        Derived("no-load current", no_load_current(actuator), "A", "(T_coulomb + C*w_0)/K_t"),
         Derived("stall torque", T_v, "N.m", "K_t*V/(sqrt(3)*R), whatever the current"),
         Derived("stall torque at the current limit", T_i, "N.m", "K_t*current_limit, at most the stall torque"),
         Derived("electrical time constant", actuator.value("motor.L") / R, "s", "L/R"),
@@ -46,6 +47,12 @@ def derived(actuator: Actuator) -> list[Derived]:
     if gain := K_t * actuator.value("controller.K_p") * actuator.value("controller.period") / actuator.value("mechanics.J"):
         found.append(Derived("gain of the sampled speed loop", gain, "1", "K_t*K_p*period/J; 2 and more is unstable"))
     return [*found, *_at_the_output(actuator, w_0 / G, G * actuator.value("gear.eta_opposing") * max(0.0, T_i - T_c))]
+
+
+def no_load_current(actuator: Actuator) -> float:
+    """The current [A] that friction needs at the no-load speed."""
+    C, T_c = actuator.value("mechanics.C"), actuator.value("mechanics.T_coulomb")
+    return (T_c + C * _no_load_speed(actuator)) / (1.5 * actuator.value("motor.K_e"))
 
 
 def _no_load_speed(actuator: Actuator) -> float:

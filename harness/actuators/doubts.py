@@ -9,6 +9,8 @@ SHORTEST, LONGEST = 1e-4, 0.5
 """Leads [m a turn] between which screws lie."""
 ROTARY = ("gear.ratio", "mechanics.end_stop")
 """Parameters whose defaults are those of a rotary actuator: with a lead they give another machine."""
+KINDS = ("controller", "gear", "inverter")
+"""Kinds of parameters that belong to each actuator, and whose defaults say nothing of another."""
 LOOP = ("motor.K_e", "controller.K_p", "controller.period", "mechanics.J")
 """What the gain of the sampled speed loop is made of: what a step of the speed changes of itself in a period."""
 
@@ -26,11 +28,31 @@ def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:
         lines.append(
             f"K_t*K_p*period/J = {gain:.3g}: the sampled speed loop is unstable from 2 on; is controller.K_p too high?"
         )
+    band, current = _value(parameters, "inverter.hysteresis"), T_coulomb / (1.5 * K_e)
+    if 0.0 < current < band:
+        lines.append(
+            f"inverter.hysteresis {band:g} A is more than the {current:.3g} A that friction needs (T_coulomb/K_t): in slow "
+            "runs HF's ripple hides what is to be measured; state a narrower one"
+        )
     if output.lead is None:
         return lines
     if not SHORTEST <= output.lead <= LONGEST:
         lines.append(f"lead {output.lead:g} m a turn: screws have {SHORTEST:g} to {LONGEST:g} m; is its unit left out?")
     return lines + [_rotary(name, parameters, output) for name in ROTARY if name not in parameters]
+
+
+def unstated(parameters: Mapping[str, float]) -> dict[str, list[str]]:
+    """What nobody stated of the kinds that are each actuator's own: kind -> its ports, which keep the default actuator's."""
+    names = [port.name for port in ports.PARAMETERS if port.name not in parameters]
+    found = {kind: [name for name in names if name.startswith(f"{kind}.")] for kind in KINDS}
+    return {kind: listed for kind, listed in found.items() if listed}
+
+
+def unstated_end_stop(parameters: Mapping[str, float], output: Output) -> list[str]:
+    """A line if a rod's end stops are not stated: a rotary actuator's most likely end its runs early."""
+    if output.lead is None or "mechanics.end_stop" in parameters:
+        return []
+    return [_rotary("mechanics.end_stop", parameters, output)]
 
 
 def _rotary(name: str, parameters: Mapping[str, float], output: Output) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.actuators.actuator import DEFAULT as DEFAULT_ACTUATOR
-from harness.actuators.actuator import Actuator
+from harness.actuators.actuator import Actuator, Output
 from harness.actuators.ssvfile import LEAD
 
 if TYPE_CHECKING:
@@ -26,7 +26,15 @@ def variant(actuator: Actuator) -> "Variant":
     about = {"actuator_sha256": actuator.sha256}
     if actuator.output.lead is not None:
         about[LEAD] = f"{actuator.output.lead!r} m"
-    return Variant(actuator.name, actuator.description, dict(actuator.parameters), about)
+    return Variant(actuator.name, actuator.description, dict(actuator.parameters), about, rod(actuator.output))
+
+
+def rod(output: Output) -> str:
+    """What the ports' units of the user shaft are at a rod, as a host has to convert them; "" for a shaft."""
+    if output.lead is None:
+        return ""
+    travel, force = output.scale("position"), output.scale("load_torque")
+    return f"linear: 1 rad of the user shaft is {travel:.9g} m of the rod, and 1 N.m of load_torque {force:.9g} N"
 
 
 def record_of(path: Path) -> dict[str, str]:

@@ -186,16 +186,17 @@ def _no_load(sheet: Sheet, words: Mapping[str, Stated], given: Mapping[str, Stat
     else:
         raise HarnessError(f"{where} no_load_current: torque_constant, speed_constant or motor.K_e is needed beside it")
     T_0, w_0 = K_t.value * words["no_load_current"].value, words.get("no_load_speed")
-    told = f"T_0 = K_t*I_0 = {K_t.value:.5g}*{words['no_load_current'].value:.5g} = {T_0:.5g} N.m"
+    product = f"K_t*I_0 = {K_t.value:.5g}*{words['no_load_current'].value:.5g}"
+    told = f"T_0 = {product} = {T_0:.5g} N.m"
     known = {name: given.get(port, sheet.values.get(port)) for name, port in
              (("T", "mechanics.T_coulomb"), ("C", "mechanics.C"))}  # fmt: skip
     T, C = known["T"], known["C"]
     if w_0 is None:
         if T is None:
-            how = f"{told}, all of it: no no_load_speed is stated"
-            sheet.add("mechanics.T_coulomb", Stated(T_0), how, "no_load_current")
-        elif T.value > T_0:
-            _compare(sheet, f"friction at no load is at least T_coulomb, {T.value:.4g} N.m", T.value, told, T_0)
+            sheet.add("mechanics.T_coulomb", Stated(T_0), product, "no_load_current")
+            if C is None:
+                how = "all of K_t*I_0 is Coulomb friction without a no_load_speed"
+                sheet.add("mechanics.C", Stated(0.0), how, "no_load_current")
         return
     if T is None:
         share = T_0 / 2.0 if C is None else max(0.0, T_0 - C.value * w_0.value)
@@ -204,7 +205,7 @@ def _no_load(sheet: Sheet, words: Mapping[str, Stated], given: Mapping[str, Stat
     if C is None:
         rest = T_0 / 2.0 if T is None else max(0.0, T_0 - T.value)
         how = "T_0/2/w_0" if T is None else "(T_0 - T_coulomb)/w_0, at least 0"
-        told_C = f"{told}; {how}, w_0 = {w_0.value:.5g} rad/s"
+        told_C = f"T_0 = {product}; {how}, w_0 = {w_0.value:.5g} rad/s"
         sheet.add("mechanics.C", Stated(rest / w_0.value), told_C, "no_load_current", "no_load_speed")
     T_now, C_now = (given.get(port, sheet.values.get(port)) for port in ("mechanics.T_coulomb", "mechanics.C"))
     if T_now is not None and C_now is not None:

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 from harness.actuators.actuator import Actuator, Output
 from harness.actuators.doubts import doubts
-from harness.actuators.values import Stated, stated, stated_for
+from harness.actuators.values import Stated, checked_name, stated_for, stated_lead
 from harness.errors import HarnessError
 from harness.parameters import check_together, settable
 
@@ -39,6 +39,7 @@ def read_ssv(path: Path) -> Actuator:
     check_together(parameters, str(path))
     name = root.get("name", "")
     name = (root.get("description") if name in ("", INITIAL) else name) or path.stem
+    name = checked_name(name, f"{path}, name")
     output = Output(_lead(root, path))
     origins = dict.fromkeys(parameters, "stated")
     return Actuator(name, "", parameters, origins=origins, output=output, warnings=tuple(doubts(parameters, output)))
@@ -49,7 +50,7 @@ def _root(path: Path) -> ElementTree.Element:
         root = ElementTree.fromstring(path.read_bytes())
     except OSError as error:
         raise HarnessError(f"{path}: cannot be read: {error.strerror}") from None
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # an unknown or unfit encoding, too
         raise HarnessError(f"{path}: is not XML: {error}") from None
     if root.tag != f"{SSV}ParameterSet":
         raise HarnessError(f"{path}: is no SSP parameter set; its root has to be ssv:ParameterSet, not {root.tag}")
@@ -72,4 +73,4 @@ def _lead(root: ElementTree.Element, path: Path) -> float | None:
     told = root.find(f"{SSV}Annotations/{SSC}Annotation[@type='{ANNOTATION}']/actuator[@{LEAD}]")
     if told is None:
         return None
-    return stated(told.get(LEAD), "m", f"{path}, {LEAD}").value
+    return stated_lead(told.get(LEAD), f"{path}, {LEAD}")

@@ -1,15 +1,17 @@
 """An actuator from a TOML file: every table and key is known, every value checked; README.md here describes the format."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ema_fmu_src import ports
 from harness.actuators.actuator import Actuator, Output
 from harness.actuators.calibrated import read_calibration
+from harness.actuators.derived import no_load_current
 from harness.actuators.doubts import doubts
-from harness.actuators.sheet import WORDS, from_sheet
-from harness.actuators.values import Stated, stated, stated_for
+from harness.actuators.sheet import CLOSE, WORDS, from_sheet
+from harness.actuators.values import Stated, checked_name, stated, stated_for, stated_lead
 from harness.errors import HarnessError, unknown
 from harness.faults import checked_limit
 from harness.files.toml import flat, read_toml
@@ -45,8 +47,8 @@ def read_actuator_toml(path: Path) -> Actuator:
     )
     parameters = {port: found.value for port, found in values.items()}
     check_together(parameters, str(path))
-    return Actuator(
-        name=_text(content, "name", path) or path.stem,
+    actuator = Actuator(
+        name=checked_name(_text(content, "name", path) or path.stem, f"{path}, name"),
         description=_text(content, "description", path),
         parameters=parameters,
         tolerances={port: found.tolerance for port, found in values.items() if found.tolerance is not None},
@@ -58,6 +60,18 @@ def read_actuator_toml(path: Path) -> Actuator:
         provenance=tables["provenance"],
         warnings=(*derived.warnings, *doubts(parameters, output)),
     )
+    return replace(actuator, warnings=(*actuator.warnings, *_no_load(actuator, tables["sheet"])))
+
+
+def _no_load(actuator: Actuator, words: Mapping[str, Any]) -> list[str]:
+    """A line if the sheet's no-load current, of which it does not state the speed, is not what the friction needs."""
+    if "no_load_current" not in words or "no_load_speed" in words:
+        return []
+    sheet, own = stated(words["no_load_current"], WORDS["no_load_current"], "").value, no_load_current(actuator)
+    if abs(own - sheet) <= CLOSE * max(own, sheet):
+        return []
+    line = f"no-load current {own:.4g} A at the no-load speed, (T_coulomb + C*w_0)/K_t, but no_load_current is {sheet:.4g} A"
+    return [f"{line}; state no_load_speed beside it, or both frictions"]
 
 
 def _known(names: Iterable[str], choices: Iterable[str], what: str) -> None:
@@ -86,13 +100,7 @@ def _output(table: Mapping[str, Any], path: Path) -> Output:
     _known(table, ("lead",), f"key in {path}, [output]:")
     if "lead" not in table:
         return Output()
-    where = f"{path}, [output] lead"
-    lead = stated(table["lead"], "m/turn", where, outside=("m", 1.0))
-    if lead.tolerance is not None:
-        raise HarnessError(f"{where}: a length without a tolerance is needed; gear.ratio may have one")
-    if not 1e-6 <= lead.value <= 1e3:
-        raise HarnessError(f"{where}: {lead.value:g} m a turn is out of range, 1e-6 to 1000 m")
-    return Output(lead.value)
+    return Output(stated_lead(table["lead"], f"{path}, [output] lead"))
 
 
 def _parameters(table: Mapping[str, Any], output: Output, where: str) -> dict[str, Stated]:

@@ -11,6 +11,9 @@ from harness.errors import HarnessError
 from harness.parameters import check_unit, check_value
 from harness.units import conversion, split
 
+LEAST_LEAD, MOST_LEAD = 1e-6, 1e3
+"""Leads [m a turn] that are accepted."""
+LONGEST_NAME = 100
 PLUS_MINUS = re.compile(r"\+\s*/?\s*-|±")
 
 
@@ -86,6 +89,26 @@ def _finite(value: float, given: str, where: str) -> float:
     if not math.isfinite(value):
         raise HarnessError(f"{where}: '{given}' is not a finite number")
     return value
+
+
+def stated_lead(given: object, where: str) -> float:
+    """A lead [m a turn]; HarnessError, beginning with `where`, for a tolerance, or one that no screw has."""
+    lead = stated(given, "m/turn", where, outside=("m", 1.0))
+    if lead.tolerance is not None:
+        raise HarnessError(f"{where}: a length without a tolerance is needed; gear.ratio may have one")
+    if not LEAST_LEAD <= lead.value <= MOST_LEAD:
+        raise HarnessError(f"{where}: {lead.value:g} m a turn is out of range, {LEAST_LEAD:g} to {MOST_LEAD:g} m")
+    return lead.value
+
+
+def checked_name(name: str, where: str) -> str:
+    """The name of an actuator, which also names files; HarnessError, beginning with `where`, for one that cannot."""
+    if not name.isprintable() or "/" in name or "\\" in name or name in (".", "..") or len(name) > LONGEST_NAME:
+        raise HarnessError(
+            f"{where}: {name[:LONGEST_NAME]!r} cannot name a file; a name without / and \\, of at most {LONGEST_NAME} "
+            "characters, is needed"
+        )
+    return name
 
 
 def stated_for(variable: ports.Variable, given: object, output: Output, where: str) -> Stated:

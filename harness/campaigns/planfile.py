@@ -18,6 +18,10 @@ from harness.parameters import check_value, settable
 from harness.trials import Trial, trial
 
 KEYS = ("trials", "fidelities", "samples", "sampling", "seed", "ranges", "grid", "cases", "set", "noise", "outputs", "rate")
+OPTIONS = {"trial_file": "--trial-file FILE", "actuator": "--actuator NAME_OR_FILE", "columns": "--column PORT=COLUMN"} | {
+    "column": "--column PORT=COLUMN", "scheduler": "--scheduler ADDRESS", "workers": "--workers N", "out": "--out DIR"
+}  # fmt: skip
+"""What a plan does not hold, and the option for it."""
 MOST_CASES = 10_000_000
 OUTPUT_PORTS = {port.name: port for port in ports.OUTPUTS}
 
@@ -88,6 +92,8 @@ def _check(plan: Plan, where: Mapping[str, str]) -> None:
 def _toml(path: Path) -> dict[str, Any]:
     given = read_toml(path)
     for key in given:
+        if key in OPTIONS:
+            raise HarnessError(f"{path}, {key}: is no key of a plan; it goes beside it, as {OPTIONS[key]}")
         if key not in KEYS:
             raise unknown(f"key in {path}:", key, KEYS)
     return given
@@ -115,7 +121,7 @@ def _outputs(value: Any, where: str) -> tuple[str, ...]:
     names = _texts(value, where)
     for name in names:
         if name not in OUTPUT_PORTS:
-            raise unknown("output", name, OUTPUT_PORTS)
+            raise HarnessError(f"{where}: {unknown('output', name, OUTPUT_PORTS)}")
     return tuple(sorted(dict.fromkeys(names), key=list(OUTPUT_PORTS).index))
 
 
@@ -162,7 +168,8 @@ def _pair(name: str, values: Any, where: str) -> tuple[float, float]:
 
 def _noise(name: str, value: Any, where: str, output: Output) -> Noise:
     if name not in OUTPUT_PORTS or OUTPUT_PORTS[name].kind != "Real":
-        raise unknown("output", name, [port.name for port in OUTPUT_PORTS.values() if port.kind == "Real"])
+        known = [port.name for port in OUTPUT_PORTS.values() if port.kind == "Real"]
+        raise HarnessError(f"{where}: {unknown('output', name, known)}")
     relative = isinstance(value, str) and value.strip().endswith("%")
     try:
         sigma = float(value.strip().removesuffix("%")) / 100.0 if isinstance(value, str) and relative else float(value)

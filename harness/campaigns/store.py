@@ -70,8 +70,7 @@ class Store:
             dataset.to_zarr(made, mode="w", encoding=whole, zarr_format=2, consolidated=False)
             group = zarr.open_group(made, mode="r+")
             for name in self.plan.outputs:
-                port = ports.VARIABLES[ports.INDEX[name]]
-                attributes = {"units": self.plan.actuator.output.unit(name), "long_name": port.description}
+                attributes = _attributes(self.plan, name)
                 self._add(group, name, "float32", np.nan, attributes, time=len(self.plan.time))
             self._add(group, "features", "float64", np.nan, {}, feature=features_of_each)
             self._add(group, "failure", f"<U{REASON_LENGTH}", None, {"long_name": "Why the case failed; empty if not"})
@@ -147,8 +146,7 @@ def _coordinates(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset
         "fidelity": ("case", np.array([fidelity.name for fidelity in plan.fidelities])[table.fidelity]),
     }
     for name, series in _parameters(plan).items():
-        variable = ports.VARIABLES[ports.INDEX[name]]
-        coordinates[name] = ("case", series, {"units": variable.unit, "long_name": variable.description})
+        coordinates[name] = ("case", plan.actuator.output.outside(name, series), _attributes(plan, name))
     attributes = {
         "campaign_sha256": digest,
         "fmu_sha256": json.dumps(dict(sorted(fmus.items()))),
@@ -159,6 +157,11 @@ def _coordinates(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset
         "versions": json.dumps({"ema-twins": __version__} | {name: version(name) for name in ("fmpy", "numpy", "scipy")}),
     }
     return xr.Dataset(coords=coordinates, attrs=attributes)
+
+
+def _attributes(plan: Plan, name: str) -> dict[str, str]:
+    """Unit and meaning of a port as the data set has it: outside, for an actuator with a rod."""
+    return {"units": plan.actuator.output.unit(name), "long_name": plan.actuator.output.meaning(name)}
 
 
 def _parameters(plan: Plan) -> dict[str, np.ndarray]:

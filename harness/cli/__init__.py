@@ -14,6 +14,7 @@ from harness.cli.check import check
 from harness.cli.columns import columns
 from harness.cli.compare import compare
 from harness.cli.export import export
+from harness.cli.guarded import Guarded
 from harness.cli.identify import identify
 from harness.cli.monitor import monitor
 from harness.cli.ports import ports
@@ -28,7 +29,7 @@ INTERRUPTED = 130
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
 for command in (build, run, replay, columns, campaign, identify, monitor, check, serve, compare, export, reference, ports):
-    app.command()(command)
+    app.command(cls=Guarded)(command)
 app.add_typer(actuator, name="actuator", no_args_is_help=True)
 app.add_typer(bench, name="bench")
 

@@ -6,10 +6,13 @@ from typing import Annotated
 import typer
 
 from harness.cli.build import fmu_folder
+from harness.cli.guarded import Guarded
 from harness.cli.options import FmuDir, chosen_actuator
 from harness.cli.terminal import show as show_table
 from harness.errors import HarnessError
 
+FOLDED = 120
+"""Characters a line of the tables, whose last columns hold sentences."""
 actuator = typer.Typer(help="Actuator files: begin one, look at one, list those that come with the package.")
 
 
@@ -28,7 +31,7 @@ def new(file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Must not
     typer.echo(f"wrote {file}; ema actuator show {file} prints what comes of it")
 
 
-@actuator.command()
+@actuator.command(cls=Guarded)
 def show(
     name: Annotated[str, typer.Argument(metavar="NAME_OR_FILE", help="As for --actuator.")],
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write all of it as JSON.")] = None,
@@ -48,13 +51,17 @@ def show(
         results.prepare_file(json_file)
     told = refusals(fmu_folder(FIDELITIES.values(), fmus, chosen), chosen.parameters)
     typer.echo(f"{chosen.name}: {chosen.description}" if chosen.description else chosen.name)
-    show_table("Parameters", shown.PARAMETER_HEADS, shown.parameter_rows(chosen), words=("Unit", "Origin"))
+    show_table("Parameters", shown.PARAMETER_HEADS, shown.parameter_rows(chosen), words=("Unit", "Origin"), wide=FOLDED)
     typer.echo("Faults and the state at the start that are not listed are healthy and at rest, as ema ports lists them.")
-    show_table("What follows, healthy", shown.DERIVED_HEADS, shown.derived_rows(chosen), words=("Unit", "Formula"))
-    show_table("Fidelities", shown.FLIGHT_HEADS, shown.flight_rows(told), words=("Flies",))
+    show_table(
+        "What follows, healthy", shown.DERIVED_HEADS, shown.derived_rows(chosen), words=("Unit", "Formula"), wide=FOLDED
+    )
+    show_table("Fidelities", shown.FLIGHT_HEADS, shown.flight_rows(told), words=("Flies",), wide=FOLDED)
     for title, table in (("log", chosen.log), ("limits", chosen.limits)):
         if table:
             typer.echo(f"{title}: {', '.join(f'{key} = {value}' for key, value in table.items())}")
+    for line in shown.unstated_lines(chosen):
+        typer.echo(line)
     typer.echo(f"SHA-256 of the resolved parameters: {chosen.sha256}")
     for line in chosen.warnings:
         typer.echo(f"warning: {line}", err=True)

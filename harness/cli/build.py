@@ -64,7 +64,7 @@ def build_into(
         platforms = targets.parse(platform) if platform else None
         return build.build(models, out=folder, runtime=runtime, platforms=platforms, variant=variant(actuator or DEFAULT))
     except ImportError as error:
-        raise HarnessError(f"building FMUs needs {error.name}: pip install 'ema-twins[build]'") from None
+        raise HarnessError(f"building FMUs needs {error.name}: pip install -e '.[build]' in the checkout") from None
     except OSError as error:
         raise HarnessError(f"{folder}: cannot be written: {error.strerror}") from None
     except (RuntimeError, ValueError) as error:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, Columns, FmuDir, Settings, TrialFile, chosen_actuator, chosen_columns
+from harness.cli.options import ActuatorOption, Columns, FmuDir, Settings, TrialFile, chosen_actuator, chosen_columns, small
 from harness.cli.terminal import progress
 from harness.errors import HarnessError, required_extra
 
@@ -90,6 +90,8 @@ def campaign(
     chosen = chosen_actuator(actuator)
     own = read_trial(trial_file, chosen.output, chosen_columns(columns)) if trial_file else None
     plan = read_plan(file, options, own, chosen)
+    for line in small(plan.trials, chosen):
+        typer.echo(line, err=True)
     results.prepare(out)
     folder = fmu_folder(plan.fidelities, fmus, chosen)
     with cluster(scheduler, workers or os.cpu_count() or 1) as client:

@@ -9,7 +9,7 @@ import typer
 
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
 from harness.cli.build import fmu_folder, refuse_another
-from harness.cli.options import ActuatorOption, FmuDir, Settings, chosen_actuator, chosen_parameters
+from harness.cli.options import ActuatorOption, FmuDir, Settings, chosen_actuator, chosen_parameters, small
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 
@@ -45,12 +45,15 @@ def check(
     from harness.files import results
     from harness.show import report, verdicts
     from harness.show.outside import experiment_of
+    from harness.trials import trial
 
     chosen = chosen_actuator(actuator)
     allowed = budgeting.read_budgets(budgets or budgeting.DEFAULT)
     if budgets is None and not chosen.is_default:
         allowed = budgeting.without_limits(allowed)
     parameters = chosen_parameters(chosen, settings)
+    for line in small([trial(name) for name in allowed], chosen):
+        typer.echo(line, err=True)
     if not time_limit > 0.0:
         raise HarnessError(f"--time-limit {time_limit:g}: more than 0 s is needed")
     if reference and stored:

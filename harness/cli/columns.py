@@ -20,9 +20,10 @@ def columns(
     from harness.logs.describe import describe
 
     chosen = chosen_actuator(actuator)
-    found = describe(file, chosen_columns(mapping, chosen), chosen.output)
     if json_file:
         results.prepare_file(json_file)
+    found = describe(file, chosen_columns(mapping, chosen), chosen.output)
+    if json_file:
         results.write_json(json_file, found.as_dict())
     rows = [
         (

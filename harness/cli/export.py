@@ -23,7 +23,10 @@ def export(
     alone; the FMUs stay as they are (ema build --actuator makes some that start as that actuator).
     """
     from ema_fmu_src.fidelities import FIDELITIES
+    from ema_fmu_src.fmu.build import SSP
+    from harness.actuators.fmus import rod
     from harness.cli.build import fmu_folder
+    from harness.fidelity import file_stem
     from harness.files import results
 
     chosen = chosen_actuator(actuator)
@@ -33,12 +36,21 @@ def export(
     contents = {folder / source.name: source.read_bytes() for source in sources}
     if actuator is not None:
         contents |= {folder / name: content for name, content in _parameter_sets(chosen, own).items()}
+    for path in contents:
+        results.prepare_file(path)
     differing = [path for path, content in contents.items() if path.exists() and path.read_bytes() != content]
     if differing and not force:
         raise HarnessError(f"{differing[0]}: is there and differs; --force replaces it")
     for path, content in contents.items():
         results.write(path, content)
         typer.echo(f"exported {path}")
+    if actuator is not None and not chosen.is_default:
+        typer.echo(
+            f"the FMUs are the default actuator's; {SSP} and {file_stem(chosen.name)}.ssv make them {chosen.name} "
+            "(ema build --actuator makes some that start as it)"
+        )
+        if told := rod(chosen.output):
+            typer.echo(told)
 
 
 def _parameter_sets(actuator: "Actuator", fmus: Path) -> dict[str, bytes]:

@@ -86,7 +86,7 @@ def identify(
     if json_file:
         results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
     _print(found)
-    typer.echo(f"page: {target}")
+    typer.echo(f"page: {target}   actuator: {chosen.name}")
     if found.complaints:
         sys.exit(1)
 

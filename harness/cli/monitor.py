@@ -59,9 +59,10 @@ def monitor(
     fidelity, parameters = chosen_monitor(model, settings, estimated=estimated, actuator=chosen)
     health_limits = chosen_limits(chosen, limits)
     flights, unit = read_flights(runs)
-    results.prepare(out)
-    if json_file:
-        results.prepare_file(json_file)
+    with results.kept(flight.path for flight in flights):
+        results.prepare(out)
+        if json_file:
+            results.prepare_file(json_file)
     folder = fmu_folder(models_for(fidelity), fmus, chosen)
     with progress() as shown:
         task = shown.add_task("identifying", total=len(flights))

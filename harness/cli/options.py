@@ -1,6 +1,6 @@
 """Options that several commands share, and what they become."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -145,11 +145,18 @@ def chosen_trials(
     return list(chosen.values()) or [trial(name) for name in PAPER]
 
 
+def end_stop(actuator: "Actuator", parameters: "Mapping[str, float]") -> list[str]:
+    """A line if nobody stated the end stops of a rod."""
+    from harness.actuators.doubts import unstated_end_stop
+
+    return unstated_end_stop(parameters, actuator.output)
+
+
 SMALL = 0.01
 """Part of the travel to the end stops below which a built-in trial says little of a linear actuator."""
 
 
-def small(trials: "list[Trial]", actuator: "Actuator") -> list[str]:
+def small(trials: "Sequence[Trial]", actuator: "Actuator") -> list[str]:
     """A line if built-in trials, whose angles are a rotary actuator's, hardly move the rod of `actuator`."""
     from harness.trials import BUILT_IN
 

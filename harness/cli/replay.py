@@ -17,6 +17,7 @@ from harness.cli.options import (
     chosen_actuator,
     chosen_columns,
     chosen_parameters,
+    end_stop,
 )
 from harness.cli.terminal import show
 
@@ -48,6 +49,8 @@ def replay(
     chosen = chosen_actuator(actuator)
     flown = parse_fidelity(fidelity, "--fidelity")
     parameters = chosen_parameters(chosen, settings)
+    for line in end_stop(chosen, parameters):
+        typer.echo(line, err=True)
     logs = read_log(log, chosen_columns(columns, chosen), chosen.output, parameters, with_files=with_files or ())
     results.prepare(out)
     if json_file:
@@ -61,7 +64,7 @@ def replay(
         results.write_json(json_file, _as_dict(found, log, chosen.identity))
     for item in found:
         _print(item)
-    typer.echo(f"page: {target}")
+    typer.echo(f"page: {target}   actuator: {chosen.name}")
 
 
 def _as_dict(found: "list[Replay]", log: Path, actuator: dict[str, str]) -> dict[str, object]:

@@ -20,6 +20,7 @@ from harness.cli.options import (
     chosen_actuator,
     chosen_parameters,
     chosen_trials,
+    end_stop,
     small,
 )
 from harness.cli.terminal import progress, show
@@ -27,6 +28,8 @@ from harness.cli.terminal import progress, show
 FORMATS = ("csv", "parquet", "nc", "mat", "mf4")
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from harness.actuators.actuator import Actuator
     from harness.flight.experiment import Experiment
     from harness.flight.switch import Schedule
@@ -71,13 +74,16 @@ def run(
     flown = chosen_trials(trials, trial_file, chosen, columns=columns)
     wanted = parse_fidelities(fidelity)
     compared_with = parse_fidelity(reference, "--reference")
-    for line in small(flown, chosen):
-        typer.echo(line, err=True)
     parameters = chosen_parameters(chosen, settings)
+    for line in (*small(flown, chosen), *end_stop(chosen, parameters)):
+        typer.echo(line, err=True)
     schedules = [parse_schedule(text) for text in switches or []]
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    names = {compared_with.name, *(each.name for each in wanted), *(each.name for each in schedules)}
+    for path in _trajectories(flown, names, out, suffix):
+        results.prepare_file(path)
     switched = [each for schedule in schedules for each in schedule.fidelities]
     folder = fmu_folder([*wanted, compared_with, *switched], fmus, chosen)
 
@@ -136,6 +142,13 @@ def _fly(
             experiment, schedules, trials, fmus=folder, parameters=parameters, on_run=on_run, on_progress=on_progress
         )
     return replace(experiment, stopped=interrupted())
+
+
+def _trajectories(trials: "list[Trial]", names: "Collection[str]", out: Path, suffix: str) -> list[Path]:
+    """The files that will be written, one for each run."""
+    from harness.fidelity import file_stem
+
+    return [out / f"{trial.name}_{file_stem(name)}.{suffix}" for trial in trials for name in names]
 
 
 def _write_trajectories(experiment: "Experiment", out: Path, suffix: str) -> None:

@@ -12,10 +12,13 @@ WIDE = 220
 """Characters a line of what is no terminal: a file or a pipe folds nothing."""
 
 
-def show(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, words: Collection[str] = ()) -> None:
+def show(
+    caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, words: Collection[str] = (), wide: int = WIDE
+) -> None:
     """Print a table of plain texts; columns of figures stand to the right, the first and those named in `words` to the left.
 
-    The first, of names, is not folded where the others can be. An empty row draws a line.
+    The first, of names, is not folded where the others can be. An empty row draws a line. `wide`: characters a line, where
+    no terminal says how many.
     """
     from rich.console import Console
     from rich.markup import escape
@@ -30,7 +33,7 @@ def show(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, w
             shown.add_row(*map(escape, row))
         else:
             shown.add_section()
-    Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else WIDE).print(shown)
+    Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else wide).print(shown)
 
 
 def progress() -> "Progress":

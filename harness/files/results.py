@@ -4,7 +4,9 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,34 @@ from numpy.typing import NDArray
 from ema_fmu_src import ports
 from harness.errors import HarnessError
 
+_KEPT: ContextVar[tuple[Path, ...]] = ContextVar("kept", default=())
+
+
+@contextmanager
+def kept(paths: Iterable[Path]) -> Iterator[None]:
+    """Within it, nothing takes the place of one of these files, and no folder among them is one for results."""
+    token = _KEPT.set((*_KEPT.get(), *(path for path in paths if path.exists())))
+    try:
+        yield
+    finally:
+        _KEPT.reset(token)
+
+
+def refuse_kept(path: Path) -> None:
+    """HarnessError if `path` is one of those that are `kept`."""
+    if path.exists() and any(path.samefile(other) for other in _KEPT.get() if other.exists()):
+        raise HarnessError(
+            f"{path}: is read by this command, which would write over it; give another name for what is written"
+        )
+
 
 def prepare(folder: Path) -> None:
-    """Make `folder`; HarnessError if it cannot be made or written. Called before the runs begin."""
+    """Make `folder`; HarnessError if it cannot be made or written, or is `kept`. Called before the runs begin."""
+    refuse_kept(folder)
+    _make(folder)
+
+
+def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -27,14 +54,16 @@ def prepare(folder: Path) -> None:
 
 
 def prepare_file(path: Path) -> None:
-    """As `prepare`, for the folder of a file; HarnessError also if `path` is itself a folder."""
+    """As `prepare`, for a file, whose folder is made; HarnessError also if `path` is itself a folder."""
+    refuse_kept(path)
     if path.is_dir():
         raise HarnessError(f"{path}: is a folder, the name of a file is needed")
-    prepare(path.absolute().parent)
+    _make(path.absolute().parent)
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write `content` to `path`, through a file beside it that takes its place."""
+    """Write `content` to `path`, through a file beside it that takes its place; HarnessError as from `prepare_file`."""
+    refuse_kept(path)
     file = None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:

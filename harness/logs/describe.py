@@ -16,7 +16,7 @@ from harness.logs.axes import axis_of
 from harness.logs.find import find, find_times
 from harness.logs.guess import guesses
 from harness.logs.mapping import KEYS, ColumnSpec, parse_specs
-from harness.logs.read import OWN_RUN, is_run
+from harness.logs.ownrun import OWN_RUN, is_run
 from harness.logs.run import GAP
 from harness.logs.stimulus import DENSE
 

@@ -18,14 +18,10 @@ from harness.logs.find import Found, find, find_times, missing, require_rows
 from harness.logs.leftout import left_out
 from harness.logs.log import CHANNELS, Log
 from harness.logs.mapping import KEYS, ColumnSpec, parse_specs
+from harness.logs.ownrun import OWN_RUN, is_run, with_units
 from harness.logs.run import Rows, log_of
 
 Array = NDArray[np.float64]
-
-
-OWN_RUN = "a file of ema run: its columns are taken by their own names, whatever --column or the actuator's [log] says"
-MOST_OUTPUTS = 15
-"""Columns named like outputs from which a file is one of `ema run`: no logger writes so many of ours."""
 
 
 def read_log(
@@ -46,7 +42,7 @@ def read_log(
     """
     shown = output or Output()
     specs = parse_specs(columns or {})
-    tables = [read_table(each) for each in (path, *with_files)]
+    tables = [with_units(read_table(each)) for each in (path, *with_files)]
     if specs and is_run(tables[0]):
         specs = {}
         tables[0] = replace(tables[0], remarks=(*tables[0].remarks, OWN_RUN))
@@ -128,12 +124,6 @@ def _times_of(found: Found, specs: Mapping[str, ColumnSpec], *, first: bool, lin
     if times.column.number == found.column.number:
         raise HarnessError(f"{found.where}: is taken as time and as {found.spec.key}; it can be one of them")
     return times
-
-
-def is_run(table: Table) -> bool:
-    """Whether a file is what `ema run` writes: a logger's layout does not hold for it."""
-    names = {column.name for column in table.columns}
-    return {"time", "command"} <= names and len(names & {port.name for port in ports.OUTPUTS}) >= MOST_OUTPUTS
 
 
 def _check_enough(first: Table, found: Mapping[str, Found], times: bool, *, linear: bool) -> None:

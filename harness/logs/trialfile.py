@@ -15,6 +15,7 @@ from harness.logs.convert import inside
 from harness.logs.find import find, find_times, missing, require_rows
 from harness.logs.log import Between
 from harness.logs.mapping import INPUTS, parse_specs
+from harness.logs.ownrun import with_units
 from harness.trials import STEP, Trial, grid
 
 MOST_POINTS = 10_000_000
@@ -37,7 +38,7 @@ def read_trial(
     stated.
     HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
     """
-    table = read_table(path)
+    table = with_units(read_table(path))
     if log and not {"time", "command"} <= {column.name for column in table.columns}:
         columns = {key: text for key, text in log.items() if key in ("time", *INPUTS)} | dict(columns or {})
     specs = parse_specs(columns or {})

@@ -6,6 +6,7 @@ from typing import Any
 from ema_fmu_src import ports
 from harness.actuators.actuator import Actuator
 from harness.actuators.derived import derived
+from harness.actuators.doubts import unstated
 
 PARAMETER_HEADS = ("Parameter", "Value", "Unit", "+-", "Origin")
 DERIVED_HEADS = ("Quantity", "Value", "Unit", "Formula")
@@ -43,6 +44,23 @@ def _origin(actuator: Actuator, port: str) -> str:
     return actuator.origins.get(port, "default")
 
 
+def unstated_lines(actuator: Actuator) -> list[str]:
+    """A line for each kind of parameter of which something is left at the default actuator's values; none for itself."""
+    if actuator.is_default:
+        return []
+    return [
+        f"not stated, the default actuator's: {kind}: "
+        + ", ".join(f"{name.partition('.')[2]} {_with_unit(actuator, name)}" for name in names)
+        for kind, names in unstated(actuator.parameters).items()
+    ]
+
+
+def _with_unit(actuator: Actuator, name: str) -> str:
+    """The value of a parameter in its unit outside."""
+    unit = actuator.output.unit(name)
+    return f"{actuator.value(name) * actuator.output.scale(name):.4g}{'' if unit == '1' else f' {unit}'}"
+
+
 def derived_rows(actuator: Actuator) -> list[tuple[str, ...]]:
     """A row of texts for each derived quantity, under DERIVED_HEADS."""
     return [(item.name, f"{item.value:.5g}", item.unit, item.formula) for item in derived(actuator)]
@@ -74,6 +92,9 @@ def as_dict(actuator: Actuator, refusals: Mapping[str, str] | None) -> dict[str,
         "flies": None if refusals is None else {name: not reason for name, reason in refusals.items()},
         "refusals": None if refusals is None else {name: reason for name, reason in refusals.items() if reason},
         "warnings": list(actuator.warnings),
+        "unstated": []
+        if actuator.is_default
+        else [name for names in unstated(actuator.parameters).values() for name in names],
         "log": dict(actuator.log),
         "limits": dict(actuator.limits),
         "calibration": plain(actuator.calibration),

@@ -53,7 +53,8 @@ def members(model: str, scratch: Path, variant: Variant = DEFAULT) -> dict[str, 
     digest = source.content_hash()
     bundle = f"ema_fmu_src_{digest[:8]}"
     module = f"EMA_{model}_{digest[:8]}{variant.digest[:8]}"
-    actuator = (variant.name, variant.description, {name: float(value) for name, value in variant.starts.items()})
+    starts = {name: float(value) for name, value in variant.starts.items()}
+    actuator = (variant.name, variant.description, starts, dict(variant.about), variant.output)
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         script = Path(folder) / f"{module}.py"
         script.write_text(SCRIPT.format(model=model, digest=digest, bundle=bundle, actuator=actuator))

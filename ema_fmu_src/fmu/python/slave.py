@@ -52,8 +52,8 @@ class Slave(Fmi2Slave):
     model: str
     sources: str
     """Content hash of the sources, set by the class in the FMU."""
-    actuator: tuple[str, str, dict[str, float]] = ("", "", {})
-    """Name, description and start values of the actuator, set by the class in the FMU."""
+    actuator: tuple[str, str, dict[str, float], dict[str, str], str] = ("", "", {}, {}, "")
+    """The fields of the actuator's Variant, set by the class in the FMU."""
     log_categories = description.CATEGORIES
 
     def __init__(self, **kwargs: Any) -> None:

@@ -36,7 +36,7 @@ def measure() -> list[Peer]:
     found = []
     for name, module, run, computes, lacks in PEERS:
         if find_spec(module) is None:
-            found.append(Peer(name, 0.0, computes, f"not installed ({module}): pip install 'ema-twins[bench]'"))
+            found.append(Peer(name, 0.0, computes, f"not installed ({module}): pip install -e '.[bench]' in the checkout"))
             continue
         found.append(Peer(name, run(), computes, lacks))
     return found

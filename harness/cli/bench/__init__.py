@@ -7,6 +7,7 @@ from typer.core import TyperGroup
 
 from harness.cli.bench.identify import identify
 from harness.cli.bench.speed import speed
+from harness.cli.guarded import Guarded
 
 
 class _SpeedByDefault(TyperGroup):
@@ -19,4 +20,4 @@ class _SpeedByDefault(TyperGroup):
 
 bench = typer.Typer(cls=_SpeedByDefault, help="Measure speed and accuracy (speed, unless another is named).")
 for command in (speed, identify):
-    bench.command()(command)
+    bench.command(cls=Guarded)(command)

@@ -7,7 +7,7 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, FmuDir, JsonFile, chosen_actuator
+from harness.cli.options import ActuatorOption, FmuDir, JsonFile, chosen_actuator, small
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
@@ -54,6 +54,8 @@ def speed(
         if path:
             results.prepare_file(path)
     chosen = chosen_actuator(actuator)
+    for line in small([trial(name) for name in names], chosen):
+        typer.echo(line, err=True)
     folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
     measured = _with_progress(
         lambda on_run: timing.measure(folder, names, repeats=repeats, actuator=chosen, on_run=on_run),
