@@ -17,7 +17,8 @@ TRIANGLE = {"controller.current_control": 2.0, "inverter.modulation": 2.0}
 R, R_ON, L, K_E, V_DC, CARRIER, DEAD = (
     ports.VARIABLES[ports.INDEX[name]].start
     for name in (
-        "motor.R", "inverter.R_on", "motor.L", "motor.K_e", "supply_voltage", "inverter.carrier_frequency", "inverter.dead_time",
+        "motor.R", "inverter.R_on", "motor.L", "motor.K_e", "supply_voltage", "inverter.carrier_frequency",
+        "inverter.dead_time",
     )
 )  # fmt: skip
 T = 0.5 / CARRIER
@@ -133,8 +134,8 @@ def test_feed_forward_takes_the_lag_of_a_ramp_away() -> None:
 def test_the_cascade_s_derivative_is_a_filtered_one() -> None:
     """K_d*D(e) on the speed error adds inertia: K_d*K_t beside J, so that a rotor under P alone answers so much slower."""
     free = {
-        "mechanics.T_static": 0.0, "mechanics.T_coulomb": 0.0, "mechanics.C": 0.0, "gear.backlash": 0.0, "controller.K_i": 0.0,
-        "controller.K_pos": 0.0, "controller.K_p": 0.01, "initial.motor_speed": 10.0, "sensor.resolver_bits": 0.0,
+        "mechanics.T_static": 0.0, "mechanics.T_coulomb": 0.0, "mechanics.C": 0.0, "gear.backlash": 0.0,
+        "controller.K_i": 0.0, "controller.K_pos": 0.0, "controller.K_p": 0.01, "initial.motor_speed": 10.0, "sensor.resolver_bits": 0.0,
     }  # fmt: skip
     K_t, J, K_p = 1.5 * K_E, 6e-5, 0.01
     for K_d in (0.0, 4e-4):
@@ -281,7 +282,7 @@ def test_a_switch_that_stays_open_acts_in_elf_plus(values: dict[str, float]) -> 
 
 @pytest.mark.parametrize("fidelity", ["HF", "ELF+", "ELF", "LF"])
 def test_results_do_not_depend_on_how_a_run_is_cut(fidelity: str) -> None:
-    """The same outputs at 0.03 s by steps that divide nothing as by one, with a carrier that divides no controller period."""
+    """The same outputs at 0.03 s by steps that divide nothing as by one; the carrier divides no controller period."""
     values = {**VECTOR, "controller.structure": 2.0, "inverter.carrier_frequency": 16.3e3, "initial.motor_speed": 20.0}
     once = Flight(fidelity, values).to(0.03)
     cut = Flight(fidelity, values)
