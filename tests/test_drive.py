@@ -135,7 +135,8 @@ def test_the_cascade_s_derivative_is_a_filtered_one() -> None:
     """K_d*D(e) on the speed error adds inertia: K_d*K_t beside J, so that a rotor under P alone answers so much slower."""
     free = {
         "mechanics.T_static": 0.0, "mechanics.T_coulomb": 0.0, "mechanics.C": 0.0, "gear.backlash": 0.0,
-        "controller.K_i": 0.0, "controller.K_pos": 0.0, "controller.K_p": 0.01, "initial.motor_speed": 10.0, "sensor.resolver_bits": 0.0,
+        "controller.K_i": 0.0, "controller.K_pos": 0.0, "controller.K_p": 0.01, "initial.motor_speed": 10.0,
+        "sensor.resolver_bits": 0.0,
     }  # fmt: skip
     K_t, J, K_p = 1.5 * K_E, 6e-5, 0.01
     for K_d in (0.0, 4e-4):

@@ -4,7 +4,10 @@ Shape functions (ours; the paper only says that LF defines some; healthy: f = 1)
 f = (2/3)*sum N_j*sin^2(theta_j)*[1 + p*zeta*cos(theta_j - phi)], R_eq = (2/3)*R*sum N_j*sin^2(theta_j) + R_on.
 Electrical: e = K_e*f*w, v = clamp(R_eq*I_ref + e + (L/tau)*(I_ref - i), +-sqrt((2*V_dc/pi)^2 - (p*w*L*i)^2)),
 L di/dt = v - R_eq*i - e, T_m = 1.5*K_e*f*i; tau = 1e-4 s (ours), trapezoidal rule.
-Controller: I_ref = clamp(K_p*(w_ref - w), +-current_limit), at each step of LF's own: no integral, no period.
+With controller.current_control = field_oriented i follows as in the q axis of the sampled current loop, v is limited by
+inverter.utilisation times the six-step voltage.
+Controller: I_ref = clamp(K_p*(w_ref - w), +-current_limit), at each step of LF's own: no integral, no period; or the PID
+without sampling.
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
 
 Covers: faults of friction, backlash, turns, eccentricity, gain, jam, magnet, resistance in the mean and in the leading
