@@ -5,13 +5,13 @@ i_j = clamp(i_ref_j, (-V_dc - e_j)/(R*n_j), (V_dc - e_j)/(R*n_j)); no inductance
 With driver.coupled_saturation (ELF+, ours): the averaged inverter feeds the star through R and L; in saturation the legs
 with the largest and the smallest need sit at the rails and the third follows as far as it can (physics/voltage_limit.py).
 Back-EMF and torque (the paper, Eq. 2): e_j = k_j*w, T_m = sum(k_j*i_j), k at the middle of the step.
-With controller.current_control = field_oriented ELF+ takes the sampled current loop and the modulation of HF, averaged over the
+With controller.current_control = field_oriented ELF+ takes HF's sampled current loop and modulation, averaged over the
 switching (physics/averaged.py); plain ELF takes the loop's currents, each phase limited on its own.
 Controller: position P and speed PI, or PID, sampled every controller.period; sensors ideal but for their faults.
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
 
-Covers: faults of friction, backlash, turns, eccentricity, gain, jam, magnet, resistance; of sensors and of a switch that stays
-open, averaged over the switching; voltage saturation (ELF+).
+Covers: faults of friction, backlash, turns, eccentricity, gain, jam, magnet, resistance; of sensors and of a switch that
+stays open, averaged over the switching; voltage saturation (ELF+).
 Does not cover: the current ripple, quantised sensors; the dead time, but where a carrier saturates; saturation in plain ELF.
 """
 

@@ -13,8 +13,8 @@ Between switchings the equations are smooth and are stepped by the midpoint rule
 where they bend the currents within a step). How far a step goes is a rule of its own: `events.step_to_event`
 (solver.event_located) or `events.fixed_step`, always solver.step.
 
-With controller.current_control = field_oriented the legs are switched at a carrier instead (twins/carried.py): a current loop
-in the rotor's frame, sampled twice a carrier period, sine against triangle or space vectors.
+With controller.current_control = field_oriented the legs are switched at a carrier (twins/carried.py): a current loop in
+the rotor's frame, sampled twice a carrier period, sine against triangle or space vectors.
 
 Covers: all faults. Does not cover: iron losses, magnetic saturation, thermal dynamics, forward voltage of the diodes.
 """
