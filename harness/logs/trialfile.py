@@ -15,6 +15,7 @@ from harness.logs.convert import inside
 from harness.logs.find import find, find_times, missing, require_rows
 from harness.logs.log import Between
 from harness.logs.mapping import INPUTS, parse_specs
+from harness.logs.own import with_own_units
 from harness.trials import STEP, Trial, grid
 
 MOST_POINTS = 10_000_000
@@ -37,12 +38,12 @@ def read_trial(
     stated.
     HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
     """
-    table = read_table(path)
+    table = with_own_units(read_table(path))
     if log and not {"time", "command"} <= {column.name for column in table.columns}:
         columns = {key: text for key, text in log.items() if key in ("time", *INPUTS)} | dict(columns or {})
     specs = parse_specs(columns or {})
     found = find([table], specs, INPUTS)
-    times = find_times(table, table.columns[0], specs, first=True)
+    times = find_times([table], table, table.columns[0], specs)
     linear = output is not None and output.lead is not None
     if times is None or "command" not in found:
         raise missing(table, ["time" if times is None else "command"], linear=linear)
@@ -56,7 +57,7 @@ def read_trial(
     for name in INPUTS:
         if name not in found:
             continue
-        own = find_times(table, found[name].column, specs, first=True)
+        own = find_times([table], table, found[name].column, specs)
         axis = axis_of(own or times)
         values = inside(found[name], output or Output(), ratio=1.0)
         if np.isnan(values).any():
