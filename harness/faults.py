@@ -200,4 +200,11 @@ def checked_limit(name: str, value: float, where: str) -> dict[str, float]:
         raise unknown("fault", name, FAULTS)
     if not math.isfinite(value) or value == FAULTS[name].healthy:
         raise HarnessError(f"{where}: a number other than {FAULTS[name].healthy:g}, which is healthy, is needed")
+    fault = FAULTS[name]
+    port = ports.VARIABLES[ports.INDEX[fault.port]]
+    low, high = (-math.inf if port.minimum is None else port.minimum, math.inf if port.maximum is None else port.maximum)
+    if fault.healthy in fault.studied:  # it departs to one side
+        low, high = (fault.healthy, high) if fault.limit > fault.healthy else (low, fault.healthy)
+    if not low <= value <= high:
+        raise HarnessError(f"{where}: {name} departs from {fault.healthy:g} to {low if high == fault.healthy else high:g}")
     return {name: value}
