@@ -133,8 +133,8 @@ def _check_thousands(path: Path, lines: list[str], numbers: list[int], head: Hea
             if sign in cell and kind(cell.replace(sign, "")) is Kind.NUMBER and not right.fullmatch(cell):
                 name = head.words[column] if column < len(head.words) else column + 1
                 raise HarnessError(
-                    f"{path}, line {numbers[place]}, column {name}: '{cell}' has no thousands before its '{sign}'; "
-                    "write decimal points, and nothing between thousands"
+                    f"{path}, line {numbers[place]}, column {name}: '{cell}': behind a '{sign}' between thousands "
+                    "stand three digits; write decimal points, and nothing between thousands"
                 )
 
 
