@@ -83,7 +83,7 @@ def settable(name: str, where: str) -> ports.Variable:
     if name not in known:
         if name in ports.INDEX:
             raise HarnessError(f"{where}: {name} is not a parameter; trials give the command, FMUs the outputs")
-        raise unknown(f"parameter in {where}:", name, known, listed=PORTS)
+        raise HarnessError(f"{where}: {unknown('parameter', name, known, listed=PORTS)}")
     return known[name]
 
 
