@@ -94,7 +94,9 @@ def identify(
         evaluations = model.evaluations + judge.evaluations
     complaints = [
         *unexplained(found, measured, tolerance, given),
-        *at_bounds([measured.shown[name].name for name in measured.channels], found.shifts.tolist(), measured.shift_bound),
+        *at_bounds(
+            [measured.shown[name].name for name in measured.channels], found.shifts.tolist(), measured.shift_bounds.tolist()
+        ),
     ]
     estimates = estimates_of(found, limits or {}, threshold)
     if complaints:
@@ -118,9 +120,11 @@ def identify(
 
 def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, Any]]:
     """The channels' shifts in time, by name."""
-    shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), strict=False)
+    shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), measured.shift_bounds, strict=False)
     return {
-        f"shift.{measured.shown[name].name}": {"value": value, "sigma": sigma, "unit": "s"} for name, value, sigma in shifts
+        f"shift.{measured.shown[name].name}": {"value": value, "sigma": sigma, "unit": "s"}
+        for name, value, sigma, bound in shifts
+        if bound > 0.0
     }
 
 

@@ -78,7 +78,7 @@ def fit(model: Model, measured: Measured, judge: Model, *, corrected: bool = Fal
         unexplained=rms_beside_noise(difference, measured),
         gap=rms_beside_noise(gap, measured),
         shifts=shifts[: len(best.x) - n],
-        shift_sigma=np.sqrt(np.diag(covariance)[n:]) * measured.shift_bound,
+        shift_sigma=np.sqrt(np.diag(covariance)[n:]) * measured.shift_bounds[: len(best.x) - n],
     )
 
 

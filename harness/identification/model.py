@@ -79,7 +79,7 @@ class Model:
     def aligned(self, z: Array) -> Array:
         """The shifts [s] at which each channel of the model is nearest to the measured one, shape (n_channels,)."""
         run = self._measured
-        return run.observer.aligned(self._flown(z), run.values, run.weighed, run.shift_bound)
+        return run.observer.aligned(self._flown(z), run.values, run.weighed, run.shift_bounds)
 
     def _flown(self, z: Array) -> Array:
         """The channels on the trial's grid, shape (n_points, n_channels); the last flight is kept."""

@@ -81,15 +81,15 @@ class Problem:
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """The faults' scaled coordinates, shape (n_coordinates,), and the channels' shifts [s], shape (n_channels,)."""
-        shifts = x[len(ORIGIN) :] * self.measured.shift_bound
-        return x[: len(ORIGIN)], shifts if shifts.size else np.zeros(self.data.shape[1])
+        shifts = x[len(ORIGIN) :] * self.measured.shift_bounds if len(x) > len(ORIGIN) else np.zeros(self.data.shape[1])
+        return x[: len(ORIGIN)], shifts
 
     def aligned(self, x: Array) -> Array:
         """`x` with the shifts at which each channel is nearest to the data."""
         if len(x) == len(ORIGIN):
             return x
         z = x[: len(ORIGIN)]
-        return np.r_[z, np.clip(self.model.aligned(z) / self.measured.shift_bound, -1.0, 1.0)]
+        return np.r_[z, np.clip(self.model.aligned(z) / np.maximum(self.measured.shift_bounds, 1e-9), -1.0, 1.0)]
 
     def difference(self, x: Array) -> Array:
         """Model minus data, shape (n_rows, n_channels), in the channels' units."""
@@ -143,7 +143,7 @@ class Problem:
         """Slopes of all residuals by each shift, without a flight of their own: each moves its own channel."""
         if len(x) == len(ORIGIN):
             return []
-        slopes = self.model.slopes(*self.split(x)) * self.measured.shift_bound
+        slopes = self.model.slopes(*self.split(x)) * self.measured.shift_bounds
         columns = []
         for place in range(slopes.shape[1]):
             alone = np.zeros(slopes.shape)

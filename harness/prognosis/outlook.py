@@ -43,6 +43,7 @@ def outlook(history: Sequence[IdentifiedFlight], limits: Mapping[str, float], un
 
     `limits` by short name, where not those of the faults; `unit` of time.
     """
+    problems = [item.problem for item in history if item.problem]
     trends: dict[str, Trend] = {}
     for name, fault in FAULTS.items():
         known = [(item.flight.at, item.estimates[name]) for item in history if not item.problem]
@@ -55,11 +56,11 @@ def outlook(history: Sequence[IdentifiedFlight], limits: Mapping[str, float], un
         limit = limits.get(name, fault.limit_towards(float(values[-1])))
         trends[name] = follow(fault, limit, at, values, sigmas)
     if not trends:
-        used = sum(not item.problem for item in history)
-        raise HarnessError(
-            f"no fault is identifiable in {FEWEST_RUNS} of the {used} runs that can be used; more runs are needed"
-        )
-    problems = [item.problem for item in history if item.problem]
+        used = len(history) - len(problems)
+        few = f"{used} run(s) can be used, {FEWEST_RUNS} are the least for a trend"
+        none = f"no fault is identifiable in {FEWEST_RUNS} of the {used} runs that can be used; more runs are needed"
+        lost = f"; left out: {'; '.join(problems)}" if problems else ""
+        raise HarnessError(f"{few if used < FEWEST_RUNS else none}{lost}")
     return Outlook(trends, unit, len(history), problems, _verdict(trends, unit))
 
 

@@ -8,15 +8,16 @@ from numpy.typing import NDArray
 from harness.logs.hints import AT_BOUND, Seen, at_bounds
 from harness.logs.log import Log
 from harness.logs.noise import filled
-from harness.logs.observer import shift_bound
+from harness.logs.observer import shift_bounds
 from harness.logs.shown import ON_THE_MOTOR, Shown
 from harness.replay.figures import MOST_LAG, Channel
 
 Array = NDArray[np.float64]
 
 
-def remarks_of(log: Log, channels: Sequence[Channel], command: Array, end_stop: float) -> list[str]:
-    """A line for each; `command`, shape (n_rows,), and `end_stop` in the unit outside of a position."""
+def remarks_of(log: Log, names: Sequence[str], channels: Sequence[Channel], command: Array, end_stop: float) -> list[str]:
+    """A line for each; `names`: the ports of the channels; `command`, shape (n_rows,), and `end_stop` in the unit outside of
+    a position."""
     seen = Seen(
         [Shown(item.name, item.unit, 1.0) for item in channels],
         np.column_stack([filled(log.time, item.measured) for item in channels]),
@@ -29,7 +30,7 @@ def remarks_of(log: Log, channels: Sequence[Channel], command: Array, end_stop: 
         lines.append(f"command: {beyond}")
     hints = {name: seen.hint(place, "what the twin makes") for place, name in enumerate(seen.names)}
     lines += [f"{name}: {hint}" for name, hint in hints.items() if hint]
-    lines += at_bounds(seen.names, [item.shift for item in channels], shift_bound(log))
+    lines += at_bounds(seen.names, [item.shift for item in channels], shift_bounds(log, names).tolist())
     lines += [
         f"{item.name}: the twin's lag is at the bound of what is looked for, {1e3 * item.lag:.3g} ms: it may be more"
         for item in channels
