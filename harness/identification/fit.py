@@ -17,7 +17,7 @@ BLOCK, BLOCK_ROWS = 0.05, 3.0
 """Length [s] of the blocks whose scores are taken as independent: two periods of a slow run; its least rows."""
 FULL_RANK = 1e-3
 """Part of the white-noise covariance that is added, so that fewer blocks than coordinates leave none without variance."""
-STRAIGHT, CHECKED = 0.03, 3
+STRAIGHT, CHECKED = 0.03, 4
 """Move of a coordinate, in spans, up to which slopes tell what HF's difference moves, for beyond the valley bends or a bound
 is met; the searches, with that difference added, that then tell it."""
 

@@ -46,7 +46,7 @@ def unexplained(found: Fit, measured: Measured, tolerance: float, parameters: Ma
 
 
 def left_without_faults(found: Fit, measured: Measured) -> list[str]:
-    """A line that says what the healthy model leaves of each channel, and, where that is much, what else may be the cause."""
+    """A line that says what the healthy model leaves of each channel, and, where that is much, what may be the cause."""
     off = np.where(measured.weighed, found.healthy - measured.values, 0.0)
     rms = np.sqrt(np.sum(off**2, axis=0) / np.maximum(measured.weighed.sum(axis=0), 1))
     shares = (rms / np.ptp(measured.values, axis=0)).tolist()
