@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 APART = 0.005
-"""Difference of two channels' shifts [s] from which they hardly come of when the rows were written; or a row, if that is less."""
+"""Difference of two channels' shifts [s] that hardly comes of when rows were written; or a row's distance, if less."""
 
 
 def remarks_of(log: Log, channels: Sequence[Channel], command: Array, end_stop: float) -> list[str]:
@@ -50,7 +50,8 @@ def _apart(log: Log, channels: Sequence[Channel]) -> list[str]:
     if shift_bound(log) == 0.0 or difference <= min(APART, 1.0 / log.rate):
         return []
     return [
-        f"{first.name} and {last.name} fit best at shifts {1e3 * difference:.3g} ms apart: {in_words(first)}, {in_words(last)}; "
+        f"{first.name} and {last.name} fit best at shifts {1e3 * difference:.3g} ms apart: "
+        f"{in_words(first)}, {in_words(last)}; "
         "a wrong loop or motor does that too, so look at the figures without shifts"
     ]
 
