@@ -64,7 +64,7 @@ def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None =
 
 def _check_effects(plan: Plan, where: Mapping[str, str]) -> None:
     """HarnessError for a fault that is varied, but does nothing: what it scales is 0, and is not varied."""
-    varied = {"ranges": plan.ranges, "grid": plan.grid, "cases": plan.listed}
+    varied: dict[str, Mapping[str, object]] = {"ranges": plan.ranges, "grid": plan.grid, "cases": plan.listed}
     names = {name for each in varied.values() for name in each}
     for fault in FAULTS.values():
         reason = fault.without_effect(plan.fixed)

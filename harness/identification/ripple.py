@@ -4,20 +4,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ema_fmu_src import ports
 from harness.identification.fit import Fit
 from harness.identification.measured import CURRENT, PHASES, Measured
 from harness.logs.shown import value_of
 
-BAND, MODULATION = "inverter.hysteresis", "inverter.modulation"
+BAND = "inverter.hysteresis"
 
 
 def ripple(found: Fit, measured: Measured, parameters: Mapping[str, float]) -> str:
     """What is wrong with a run in whose rows the motion mostly needs less current than half the band of the hysteresis
     control; empty if nothing is, or if no current was measured. `parameters`: those set, by port name."""
     band = value_of(BAND, parameters)
-    if MODULATION in ports.INDEX and value_of(MODULATION, parameters) != 1.0:
-        return ""  # a carrier has no such band
     needed = _needed(found, measured)
     if needed is None or needed >= band:
         return ""
@@ -35,6 +32,6 @@ def _needed(found: Fit, measured: Measured) -> float | None:
         if name in names:
             return float(np.median(np.abs(found.predicted[rows, names.index(name)])))
     if all(name in names for name in PHASES):
-        phases = found.predicted[np.ix_(rows, [names.index(name) for name in PHASES])]
+        phases = found.predicted[rows][:, [names.index(name) for name in PHASES]]
         return float(np.median(np.sqrt(2.0 / 3.0 * np.sum(phases**2, axis=1))))
     return None
