@@ -235,8 +235,6 @@ BAD_FILES = {
     "[log]\ntime = 0": r"\[log\] time: columns are numbered from 1",
     '[log]\ncommand = "4 [deg]"\nposition = "4"': r"\[log\] position: '4' is the column of command too",
     '[log]\nposition = "4 [deg] motor user"': r"\[log\] position: 'user' comes after",
-    "[limits]\nN_a = 1.2": r"\[limits\] N_a: N_a departs from 1 to 0.3",
-    "[limits]\nfriction = 0.5": r"\[limits\] friction: friction departs from 1 to 20",
     "[parameters]\ntime = 1": r"own.toml, \[parameters\] time",
     "[parameters]\nmotr.R = 1": r"own.toml, \[parameters\] motr.R",
 }
