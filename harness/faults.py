@@ -8,7 +8,7 @@ A fault is a single value, or an amplitude with an angle. To identify one more, 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ema_fmu_src import ports
@@ -69,6 +69,9 @@ class Fault(FaultParameter):
 
     With an `angle` the fault is an amplitude, healthy at 0. It is searched as a vector, because the angle means nothing at
     amplitude 0; each of the vector's two coordinates is bounded by plus and minus the upper end of `searched`.
+
+    `scales`: the ports that it multiplies; where all of them are 0 it has no effect; empty if it is no scale. `in_current`:
+    it shows in the current, and hardly elsewhere.
     """
 
     limit: float
@@ -77,6 +80,13 @@ class Fault(FaultParameter):
     angle: Angle | None = None
     group: Group | None = None
     better_than_healthy: str = ""
+    scales: tuple[str, ...] = ()
+    in_current: bool = False
+
+    def without_effect(self, parameters: Mapping[str, float]) -> str:
+        """Why the fault does nothing in an actuator with these `parameters` by port name; empty if it does something."""
+        values = [parameters.get(port, ports.VARIABLES[ports.INDEX[port]].start) for port in self.scales]
+        return "" if not values or any(values) else f"no effect, for {' and '.join(self.scales)} is 0"
 
     @property
     def kind(self) -> str:
@@ -122,6 +132,7 @@ def _turns(phase: str) -> Fault:
         searched=(0.3, 1.0),
         slider=(0.3, 1.0, 0.01),
         group=TURNS,
+        in_current=True,
     )
 
 
@@ -134,6 +145,7 @@ FAULTS: dict[str, Fault] = {
             studied=(1.0, 3.0),
             searched=(0.2, 10.0),
             slider=(0.0, 5.0, 0.1),
+            scales=("mechanics.T_static", "mechanics.T_coulomb"),
             better_than_healthy="friction is below that of a healthy actuator: "
             "another actuator, or parameters to be set with --set?",
         ),
@@ -143,6 +155,7 @@ FAULTS: dict[str, Fault] = {
             studied=(1.0, 100.0),
             searched=(0.0, 300.0),
             slider=(0.0, 100.0, 1.0),
+            scales=("gear.backlash",),
         ),
         *map(_turns, "abc"),
         Fault(
@@ -152,6 +165,7 @@ FAULTS: dict[str, Fault] = {
             searched=(0.0, 0.34),  # keeps motor.p * zeta below 1 where both coordinates are at their bounds
             slider=(0.0, 0.3, 0.01),
             angle=Angle(port="fault.phi", slider=(-3.1, 3.1, 0.1)),
+            in_current=True,
         ),
         Fault(
             port="fault.gain",
@@ -159,6 +173,7 @@ FAULTS: dict[str, Fault] = {
             studied=(0.5, 1.5),
             searched=(0.2, 3.0),
             slider=(0.1, 2.0, 0.05),
+            scales=("controller.K_pos",),
         ),
     )
 }

@@ -14,6 +14,7 @@ import zarr
 from typer.testing import CliRunner
 
 from ema_fmu_src import ports
+from harness.actuators.read import read_actuator
 from harness.campaigns import features
 from harness.campaigns.planfile import read_plan
 from harness.campaigns.run import cluster, run
@@ -250,3 +251,13 @@ def test_another_plan_in_the_same_folder_is_refused_and_nothing_lost(undisturbed
     result = CliRunner().invoke(app, words)
     assert isinstance(result.exception, HarnessError) and "another campaign" in str(result.exception)
     assert zarr.open_group(undisturbed / "campaign.zarr", mode="r").attrs["campaign_sha256"] == before
+
+
+@pytest.mark.parametrize("key, value", [("ranges", [1.0, 50.0]), ("grid", [1.0, 50.0])])
+def test_a_fault_that_does_nothing_in_the_actuator_is_refused(key, value):
+    options = {key: {"fault.backlash": value}, "samples": 2} if key == "ranges" else {key: {"fault.backlash": value}}
+    with pytest.raises(HarnessError, match=r"fault.backlash: it has no effect, for gear.backlash is 0"):
+        read_plan(None, options, actuator=read_actuator("maxon-linear-a"))
+    read_plan(None, options)
+    read_plan(None, {**options, "grid": {**options.get("grid", {}), "gear.backlash": [0.0, 1e-4]}},
+              actuator=read_actuator("maxon-linear-a"))  # fmt: skip

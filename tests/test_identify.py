@@ -277,6 +277,7 @@ def test_command_writes_page_and_json_and_ends_with_1_if_unexplained(folder, fmu
     )
     result = CliRunner().invoke(app, ["identify", str(bad), *common])
     assert result.exit_code == 1 and "not explained" in result.output and "ALARM" not in result.output
+    assert "without faults the model leaves" in result.output and "ema replay shows where" in result.output
 
 
 @pytest.mark.parametrize(

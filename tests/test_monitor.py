@@ -1,6 +1,7 @@
 """Faults over many runs: trends against known growth, and the time of the event against the analytic one."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from typer.testing import CliRunner
 from harness.cli import app
 from harness.errors import HarnessError
 from harness.faults import FAULTS
+from harness.identification.estimates import Estimate
 from harness.prognosis.growth import follow
-from harness.prognosis.history import read_flights
+from harness.prognosis.history import Flight, IdentifiedFlight, read_flights
+from harness.prognosis.outlook import outlook
+from harness.prognosis.page import figure, page
 
 
 def grown(rate: float, *, n: int = 20, sigma: float = 0.02, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -112,3 +116,39 @@ def test_command_follows_a_growing_fault_and_leaves_out_what_it_cannot_read(fmus
 def test_an_empty_folder_gets_one_line(tmp_path):
     result = CliRunner().invoke(app, ["monitor", str(tmp_path)])
     assert isinstance(result.exception, HarnessError) and "holds no .csv" in str(result.exception)
+
+
+def history(*frictions: float, bad: int = 0) -> list[IdentifiedFlight]:
+    """Flights every 30 days that identify friction, and zeta of noise around 0, but no backlash; then `bad` ones."""
+    flights = []
+    for n, friction in enumerate(frictions):
+        known = {"friction": (friction, True, ""), "zeta": (1e-3 * (n % 2) - 1e-3 * n / 5, True, "")}
+        known["backlash"] = (1.0, False, "no effect, for gear.backlash is 0")
+        estimates = {
+            name: Estimate(name, "1", value, value - 0.01, value + 0.01, clear, reason, 1.0, False, not reason)
+            for name, (value, clear, reason) in known.items()
+        }
+        others = set(FAULTS) - set(known)
+        estimates |= {name: Estimate(name, "1", 1.0, 0.5, 1.0, False, "open", None, False) for name in others}
+        flights.append(IdentifiedFlight(Flight(Path(f"{n}.csv"), str(n), 30.0 * n), estimates, ""))
+    return flights + [IdentifiedFlight(Flight(Path("e.csv"), "e", 999.0), {}, f"e{n}.csv: is empty") for n in range(bad)]
+
+
+def test_faults_without_a_trend_are_named_with_the_reason_and_none_is_below_its_range():
+    found = outlook(history(1.1, 1.2, 1.3, 1.4, 1.5, 1.6), {}, "days")
+    assert found.trends["zeta"].level >= 0.0
+    assert "backlash: no effect, for gear.backlash is 0" in found.not_followed == found.as_dict()["not_followed"]
+    assert "N_a: identifiable in 0 of 6 runs, 3 are needed" in found.not_followed
+    assert "Faults not followed" in page(found, history(1.1, 1.2), "ema monitor")
+
+
+def test_the_forecast_is_drawn_to_the_limit_over_one_time_axis():
+    """0.1 in 30 days from 1.6 at day 150: friction is at its limit of 3 on day 570."""
+    found = outlook(history(1.1, 1.2, 1.3, 1.4, 1.5, 1.6), {}, "days")
+    axes = [axis.range for axis in figure(found).select_xaxes()]
+    assert len(set(axes)) == 1 and axes[0][0] < 0.0 and axes[0][1] > 570.0
+
+
+def test_too_few_runs_are_counted_and_the_ones_left_out_named():
+    with pytest.raises(HarnessError, match=r"2 run\(s\) can be used, 3 are the least.* left out: e0.csv: is empty"):
+        outlook(history(1.1, 1.2, bad=1), {}, "days")

@@ -336,7 +336,7 @@ def test_columns_of_a_matrix_are_told_by_their_numbers(tmp_path: Path) -> None:
     savemat(buffer, {"log": np.column_stack([T, np.degrees(C), np.degrees(X), 3000.0 * X])})
     _, columns = _described(tmp_path, buffer.getvalue(), "own.mat")
     assert [each["flag"] for each in columns][:3] == [
-        "--column 'time=log.1'", "--column 'command=log.2 [deg]'", "--column 'position=log.3 [deg]'"
+        "--column 'time=log.1'", "--column 'command=log.2 [UNIT]'", "--column 'position=log.3 [UNIT]'"
     ]  # fmt: skip
     buffer = io.BytesIO()
     savemat(buffer, {"t": T, "cmd": 10.0 * np.degrees(C), "angle": np.degrees(X), "speed": 30000.0 * X})

@@ -108,6 +108,14 @@ def test_a_log_beyond_the_twins_stops_is_remarked(log, fmus):
     assert [line.partition(":")[0] for line in beyond] == ["command", "position"] and "rpm" not in "".join(remarks)
 
 
+def test_shifts_far_apart_are_remarked_in_words(log, fmus):
+    """A position that is shown 8 ms later, at rows of 10 ms: channels of one log, 9 ms apart instead of 3."""
+    assert not any("ms apart" in line for line in fly(log, fmus).remarks)
+    late = np.interp(log.time - 0.012, log.time, log.channels["motor_position"])
+    (line,) = (line for line in fly(changed(log, motor_position=late), fmus).remarks if "ms apart" in line)
+    assert "position" in line and "later than the twin" in line and "equivalent_current" in line and "earlier" in line
+
+
 def test_shifts_and_lags_at_their_bounds_are_remarked(log, fmus):
     remarks = fly(changed(log, motor_position=np.roll(log.channels["motor_position"], 8)), fmus).remarks
     assert any("position is shifted in time by -10 ms, as far as is allowed" in line for line in remarks)

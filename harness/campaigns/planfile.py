@@ -11,6 +11,7 @@ from ema_fmu_src import ports
 from harness.actuators.actuator import DEFAULT, Actuator, Output
 from harness.campaigns.plan import OUTPUTS, RATE, SAMPLINGS, Noise, Plan
 from harness.errors import HarnessError, unknown
+from harness.faults import FAULTS
 from harness.fidelity import parse_fidelities
 from harness.files.columns import read_numbers
 from harness.files.toml import flat, read_toml
@@ -60,7 +61,20 @@ def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None =
     _check(plan, where)
     named = {*plan.ranges, *plan.grid, *plan.listed, *plan.fixed}
     own_values = {name: value for name, value in actuator.parameters.items() if name not in named}
-    return replace(plan, fixed={**plan.fixed, **own_values})
+    plan = replace(plan, fixed={**plan.fixed, **own_values})
+    _check_effects(plan, where)
+    return plan
+
+
+def _check_effects(plan: Plan, where: Mapping[str, str]) -> None:
+    """HarnessError for a fault that is varied, but does nothing: what it scales is 0, and is not varied."""
+    varied: dict[str, Mapping[str, object]] = {"ranges": plan.ranges, "grid": plan.grid, "cases": plan.listed}
+    names = {name for each in varied.values() for name in each}
+    for fault in FAULTS.values():
+        reason = fault.without_effect(plan.fixed)
+        for key, each in varied.items():
+            if reason and fault.port in each and not names & set(fault.scales):
+                raise HarnessError(f"{where.get(key, key)}, {fault.port}: it has {reason}; leave it out")
 
 
 def _check(plan: Plan, where: Mapping[str, str]) -> None:

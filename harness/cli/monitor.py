@@ -94,4 +94,6 @@ def _print(found: "Outlook") -> None:
     show(f"{found.runs} runs; times in {found.unit}", HEADS, rows(found), words=(HEADS[-1],))
     for line in found.problems:
         typer.echo(f"left out: {line}")
+    for line in found.not_followed:
+        typer.echo(f"not followed: {line}")
     typer.echo(found.verdict)

@@ -10,7 +10,8 @@ _BRACKETS = re.compile(
     r"(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\{(?P<curly>[^{}]*)\}|<(?P<angle>[^<>]*)>)\s*"
 )
 _SPLIT = re.compile(r"(?P<name>.+?)(?:\s*/\s*|\s+in\s+|\s*,\s+)(?P<unit>[^,\s]+)")
-_SUFFIX = re.compile(r"(?P<name>.+?)[_ -](?P<unit>[A-Za-z%]+(?:_?(?:per_)?(?:s|m|rad)2?)?)")
+_FACTOR = re.compile(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s+")
+"""Before a unit: (0.1 N.m)."""
 _SIGN = re.compile(r"(?P<name>.*?[A-Za-z0-9)])[\s_]*(?P<unit>[°º˚]\s?[CF]?|℃|[%‰])")
 _TAILS = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "mrad": "mrad", "deg": "deg", "mm": "mm",
@@ -18,7 +19,7 @@ _TAILS = {
     "degs": "deg/s", "deg_per_s": "deg/s", "mm_s": "mm/s", "mms": "mm/s", "mm_per_s": "mm/s", "m_s": "m/s",
     "m_per_s": "m/s", "mA": "mA", "Nm": "N.m", "mNm": "mN.m", "kN": "kN", "mV": "mV", "degC": "degC", "A": "A",
     "V": "V", "N": "N", "Ncm": "N.cm", "RPM": "rpm", "DEG": "deg", "RAD": "rad", "MM": "mm", "MS": "ms", "SEC": "s",
-    "volts": "V", "amps": "A",
+    "volts": "V", "amps": "A", "N_m": "N.m", "mN_m": "mN.m", "N_mm": "N.mm",
 }  # fmt: skip
 """Endings of header words that are units, as they are written there."""
 _LETTERS = {"A", "V", "N"}
@@ -41,17 +42,17 @@ def _parsed(word: str, phases: bool) -> tuple[str, str]:
         square = match["square"]
         unit = next(part for part in (square, match["round"], match["curly"], match["angle"]) if part is not None)
         unit = _with_one_degree(unit.strip())
-        if match["name"] and (square is not None or not re.search(r"\w", unit) or is_unit(unit)):
+        if match["name"] and (square is not None or not re.search(r"\w", unit) or is_unit(_FACTOR.sub("", unit))):
             return match["name"], unit
         return word, ""
     if match := _SIGN.fullmatch(word):
         return match["name"], _with_one_degree(match["unit"])
     if (match := _SPLIT.fullmatch(word)) and is_unit(match["unit"]):
         return match["name"], match["unit"]
-    if (match := _SUFFIX.fullmatch(word)) and match["unit"] in _TAILS:
-        name, tail = match["name"], match["unit"]
-        if tail not in _LETTERS or not phases:
-            return name, _TAILS[tail]
+    for sign in re.finditer(r"(?<=.)[_ -]", word):
+        tail = word[sign.end() :]
+        if tail in _TAILS and (tail not in _LETTERS or not phases):
+            return word[: sign.start()], _TAILS[tail]
     return word, ""
 
 

@@ -14,7 +14,7 @@ import pandas as pd
 from harness.errors import HarnessError
 from harness.files import dialect as dialects
 from harness.files.cells import columns_of
-from harness.files.dialect import Dialect
+from harness.files.dialect import Dialect, Kind, kind
 from harness.files.head import Head, find_head
 from harness.files.table import Table
 
@@ -59,15 +59,17 @@ def _decoded(path: Path, data: bytes, encoding: str) -> str:
 def read_text(path: Path, data: bytes) -> Table:
     """The table of a text file.
 
-    Lines that are blank or begin with #, % or // are left out; what stands before the header words too. HarnessError, with
-    the line, for rows of unequal length, and for what can be read in more than one way.
+    Lines that are blank are left out, those that begin with #, % or // and are no rows, and what stands before the header
+    words. HarnessError, with the line, for rows of unequal length, and for what can be read in more than one way.
     """
     numbers, lines, comments = _content(decode(path, data))
     if not lines:
         raise HarnessError(f"{path}: the file is empty; a header such as 'time,command' and rows of numbers are needed")
     try:
         dialect = dialects.sniff(str(path), lines)
-        head = find_head(str(path), lines, comments, numbers, dialect)
+        numbers, lines, comments = _with_marked_rows(numbers, lines, comments, dialect)
+        head = find_head(str(path), lines, [(n, text.lstrip("#%/ ")) for n, text in comments], numbers, dialect)
+        _check_thousands(path, lines, numbers, head, dialect)
         width = _width(path, lines, numbers, head, dialect)
     except csv.Error as error:
         raise HarnessError(f"{path}: cannot be read as CSV: {error}") from None
@@ -88,7 +90,7 @@ def _content(text: str) -> tuple[list[int], list[str], list[tuple[int, str]]]:
             continue
         bare = whole.strip()
         if bare.startswith(COMMENTS):
-            comments.append((begun or number, bare.lstrip("#%/ ")))
+            comments.append((begun or number, bare))
         elif bare:
             numbers.append(begun or number)
             lines.append(whole)
@@ -97,6 +99,43 @@ def _content(text: str) -> tuple[list[int], list[str], list[tuple[int, str]]]:
         numbers.append(begun)
         lines.append(rest)
     return numbers, lines, comments
+
+
+def _with_marked_rows(
+    numbers: list[int], lines: list[str], comments: list[tuple[int, str]], dialect: Dialect
+) -> tuple[list[int], list[str], list[tuple[int, str]]]:
+    """The lines with those comments that are rows: whose first cell is one without a value, such as #N/A, or which have as
+    many cells as the rows, and numbers where those have, behind the first line of that width."""
+    texts = [kind(cell) is Kind.TEXT for cell in dialect.split(lines[-1])]
+    begin = next(number for number, line in zip(numbers, lines, strict=True) if len(dialect.split(line)) == len(texts))
+
+    def is_row(number: int, text: str) -> bool:
+        cells = dialect.split(text)
+        like = [kind(cell) is Kind.TEXT for cell in cells[1:]] == texts[1:] and not all(texts[1:]) and number > begin
+        return len(cells) == len(texts) and (kind(cells[0]) is Kind.MISSING or like)
+
+    marked = [each for each in comments if is_row(*each)]
+    if not marked:
+        return numbers, lines, comments
+    whole = sorted([*zip(numbers, lines, strict=True), *marked])
+    return [number for number, _ in whole], [line for _, line in whole], [each for each in comments if each not in marked]
+
+
+def _check_thousands(path: Path, lines: list[str], numbers: list[int], head: Head, dialect: Dialect) -> None:
+    """HarnessError for a number whose signs between thousands stand elsewhere: pandas takes them away wherever they are."""
+    sign = dialect.thousands
+    if sign is None:
+        return
+    right = re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(sign)}\d{{3}})+(?:{re.escape(dialect.decimal)}\d*)?(?:[eE][+-]?\d+)?")
+    for place in range(head.start, len(lines)):
+        cells = dialect.split(lines[place]) if sign in lines[place] else []
+        for column, cell in enumerate(cells):
+            if sign in cell and kind(cell.replace(sign, "")) is Kind.NUMBER and not right.fullmatch(cell):
+                name = head.words[column] if column < len(head.words) else column + 1
+                raise HarnessError(
+                    f"{path}, line {numbers[place]}, column {name}: '{cell}': behind a '{sign}' between thousands "
+                    "stand three digits; write decimal points, and nothing between thousands"
+                )
 
 
 def _width(path: Path, lines: list[str], numbers: list[int], head: Head, dialect: Dialect) -> int:

@@ -9,12 +9,13 @@ from typing import Any
 from harness.faults import FAULTS, KINDS, THRESHOLD
 from harness.fidelity import FIDELITIES, Fidelity
 from harness.identification.between import decided
-from harness.identification.estimates import Estimate, estimates_of
+from harness.identification.estimates import Estimate, estimates_of, hidden, without_effect
 from harness.identification.fit import Fit, fit
 from harness.identification.measured import Measured
 from harness.identification.model import Model
+from harness.identification.ripple import ripple
 from harness.identification.search import TOLERANCE
-from harness.identification.unexplained import unexplained
+from harness.identification.unexplained import left_without_faults, unexplained
 from harness.logs.hints import at_bounds
 
 
@@ -94,18 +95,25 @@ def identify(
         evaluations = model.evaluations + judge.evaluations
     complaints = [
         *unexplained(found, measured, tolerance, given),
-        *at_bounds([measured.shown[name].name for name in measured.channels], found.shifts.tolist(), measured.shift_bound),
+        *at_bounds(
+            [measured.shown[name].name for name in measured.channels], found.shifts.tolist(), measured.shift_bounds.tolist()
+        ),
     ]
-    estimates = estimates_of(found, limits or {}, threshold)
+    estimates = without_effect(estimates_of(found, limits or {}, threshold), given)
+    rippled = ripple(found, measured, given) if found.bent else ""
     if complaints:
         estimates = [replace(item, health=None, alarm=False) for item in estimates]
+        remarks = left_without_faults(found, measured)
+    else:
+        estimates = hidden(estimates) if rippled else estimates
+        remarks = [*([rippled] if rippled else []), *_remarks(estimates)]
     healths = [item.health for item in estimates if item.health is not None]
     return Diagnosis(
         name=measured.name,
         fidelity=fidelity.name,
         estimates=estimates,
         complaints=complaints,
-        remarks=[*measured.remarks, *([] if complaints else _remarks(estimates))],
+        remarks=[*measured.remarks, *remarks],
         health=None if complaints or not healths else min(healths),
         verdict=_verdict(estimates, complaints, fidelity.name, threshold),
         evaluations=evaluations,
@@ -118,9 +126,11 @@ def identify(
 
 def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, Any]]:
     """The channels' shifts in time, by name."""
-    shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), strict=False)
+    shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), measured.shift_bounds, strict=False)
     return {
-        f"shift.{measured.shown[name].name}": {"value": value, "sigma": sigma, "unit": "s"} for name, value, sigma in shifts
+        f"shift.{measured.shown[name].name}": {"value": value, "sigma": sigma, "unit": "s"}
+        for name, value, sigma, bound in shifts
+        if bound > 0.0
     }
 
 
@@ -144,7 +154,7 @@ def _verdict(estimates: Sequence[Estimate], complaints: Sequence[str], fidelity:
     if complaints:
         return f"not explained by {fidelity} and these faults: {'; '.join(complaints)}"
     alarms = [item for item in estimates if item.alarm]
-    unknown = [item.fault for item in estimates if item.fault in FAULTS and not item.identifiable and not item.alarm]
+    unknown = [e.fault for e in estimates if e.fault in FAULTS and e.effect and not e.identifiable and not e.alarm]
     rest = f"; not identifiable from this run: {', '.join(unknown)}" if unknown else ""
     if not alarms:
         return f"healthy: no identifiable fault has lost more than {100.0 * threshold:g} % of its health{rest}"

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ class Estimate:
 
     `reason` says why it is not identifiable, empty if it is. `health` is 1 when healthy and 0 at the limit. For a fault that
     is surely there but not identifiable it is that of the best end of the interval. It is None for any other fault that is
-    not identifiable, and for an angle.
+    not identifiable, and for an angle. `effect`: False for a fault that does nothing in this actuator, as `reason` says.
     """
 
     fault: str
@@ -42,6 +42,7 @@ class Estimate:
     reason: str
     health: float | None
     alarm: bool
+    effect: bool = True
 
 
 def estimates_of(found: Fit, limits: Mapping[str, float], threshold: float) -> list[Estimate]:
@@ -62,6 +63,28 @@ def estimates_of(found: Fit, limits: Mapping[str, float], threshold: float) -> l
         high = min(values[name] + widths[place], float(coordinates.HIGHEST[place]))
         estimates.append(_severity(fault, (values[name], low, high), widths[place], limit, threshold))
     return estimates
+
+
+def without_effect(estimates: list[Estimate], parameters: Mapping[str, float]) -> list[Estimate]:
+    """The estimates, healthy where a fault does nothing in an actuator with these `parameters`, by port name."""
+    why = {name: FAULTS[name].without_effect(parameters) for name in FAULTS}
+    return [_still(item, why[item.fault]) if why.get(item.fault) else item for item in estimates]
+
+
+def _still(item: Estimate, reason: str) -> Estimate:
+    healthy = FAULTS[item.fault].healthy
+    return Estimate(item.fault, item.unit, healthy, healthy, healthy, False, reason, None, False, False)
+
+
+def hidden(estimates: list[Estimate]) -> list[Estimate]:
+    """The estimates of a run whose ripple hides what shows in the current: there nothing is identified or alarmed."""
+    names = {part.name for fault in FAULTS.values() if fault.in_current for part in (fault, fault.angle) if part}
+    return [
+        replace(item, identifiable=False, reason="hidden by the current's ripple", health=None, alarm=False)
+        if item.fault in names
+        else item
+        for item in estimates
+    ]
 
 
 def _severity(

@@ -12,7 +12,7 @@ from harness.actuators.actuator import Output
 from harness.errors import HarnessError
 from harness.logs.log import Between, Log
 from harness.logs.noise import filled, quantum_of
-from harness.logs.observer import Observer, observer_of, shift_bound
+from harness.logs.observer import Observer, observer_of, shift_bounds
 from harness.logs.read import read_one
 from harness.logs.run import SAME
 from harness.logs.shown import ON_THE_MOTOR, Shown, shown
@@ -47,8 +47,8 @@ class Measured:
     `time` [s], shape (n_rows,). `trials`: the inputs on the communication grid, by what the command may have done
     between rows. `channels`: port name -> values of shape (n_rows,) in the port's unit, not a number in rows that
     are masked. `initial`: the parameters initial.*. `informative`, shape (n_rows,): the rows in which a difference from a
-    model means something. `observer`: how the rows were taken. `shift_bound` [s]: how far each channel may be shifted in
-    time, either way; 0 if not at all. `remarks`: a line for each thing a user should know.
+    model means something. `observer`: how the rows were taken. `shift_bounds` [s], shape (n_channels,): how far each
+    channel may be shifted in time, either way; 0 if not at all. `remarks`: a line for each thing a user should know.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Measured:
     initial: dict[str, float]
     informative: NDArray[np.bool_] = field(repr=False)
     observer: Observer = field(repr=False)
-    shift_bound: float = 0.0
+    shift_bounds: Array = field(repr=False)
     remarks: tuple[str, ...] = ()
     output: Output = field(default_factory=Output)
     shown: Mapping[str, Shown] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class Measured:
     @property
     def is_slow(self) -> bool:
         """Whether the rows are too far apart to show when things happen, so that the channels' shifts are estimated."""
-        return self.shift_bound > 0.0
+        return bool(self.shift_bounds.any())
 
     @cached_property
     def values(self) -> Array:
@@ -115,8 +115,8 @@ def measured_from_log(log: Log, parameters: Mapping[str, float] | None = None) -
     given = parameters or {}
     channels = _chosen(log)
     _check_time(log)
-    bound = shift_bound(log)
-    trials = trials_of(log, beyond=bound)
+    bounds = shift_bounds(log, list(channels))
+    trials = trials_of(log, beyond=float(bounds.max()))
     start = start_of(log, given)
     informative = ~resting(log, given)
     if start.moving:
@@ -140,7 +140,7 @@ def measured_from_log(log: Log, parameters: Mapping[str, float] | None = None) -
         start.initial,
         informative,
         observer,
-        bound,
+        bounds,
         remarks,
         log.output,
         as_shown,

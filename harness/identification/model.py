@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 RIPPLE = 0.01
 """Window [s] over which the difference of two fidelities is averaged: many periods of the inverter, few of a run."""
 FLIGHTS, HAIR = 4, 1e-9
-"""Flights of the other fidelity that are averaged, and by how much their faults differ, in spans."""
+"""Flights of the other fidelity, and by how much their faults differ, in spans."""
 LOWEST, HIGHEST = coordinates.scaled(coordinates.LOWEST), coordinates.scaled(coordinates.HIGHEST)
 """Bounds of the search in scaled coordinates."""
 MOST_ECCENTRIC = 0.97
@@ -60,17 +60,19 @@ class Model:
         return self._measured.observer.rows(flown, np.zeros(flown.shape[1]) if shifts is None else shifts)
 
     def apart(self, other: "Model", z: Array, shifts: Array) -> Array:
-        """How far another fidelity is from this one with the faults `z`, as `predict` has it, shape (n_rows, n_channels).
+        """How far another fidelity is from this one with the faults `z`, as `predict` has it, in each of FLIGHTS flights of
+        the other, shape (FLIGHTS, n_rows, n_channels).
 
-        Smoothed over RIPPLE before rows are taken, and the mean of FLIGHTS of the other, a hair apart: HF's ripple is
-        chaotic in rounding. In rows it would be noise, of which a run shows its own, and what it moves would be drawn anew
-        with every last digit.
+        Smoothed over RIPPLE before rows are taken: in rows HF's ripple would be noise, of which a run shows its own. It is
+        chaotic in rounding, so flights whose faults are a hair apart draw it anew: their mean hangs on no last digit, and
+        what they differ by is what a run of one's own leaves to chance. The first has no hair: a model has no distance
+        from itself there.
         """
-        hairs = HAIR * np.arange(FLIGHTS)
-        flights = [other._flown(np.clip(z + hair, LOWEST, HIGHEST)) for hair in hairs]
+        own = self._flown(z)
+        flights = [other._flown(np.clip(z + HAIR * place, LOWEST, HIGHEST)) for place in range(FLIGHTS)]
         width = max(1, round(RIPPLE / self._measured.trial.step))
-        smooth = uniform_filter1d(np.mean(flights, axis=0) - self._flown(z), width, axis=0)
-        return self._measured.observer.rows(smooth, shifts)
+        smooth = [uniform_filter1d(flight - own, width, axis=0) for flight in flights]
+        return np.array([self._measured.observer.rows(each, shifts) for each in smooth])
 
     def slopes(self, z: Array, shifts: Array) -> Array:
         """Derivative of each channel by its shift, in the channel's unit a second, shape (n_rows, n_channels)."""
@@ -79,7 +81,7 @@ class Model:
     def aligned(self, z: Array) -> Array:
         """The shifts [s] at which each channel of the model is nearest to the measured one, shape (n_channels,)."""
         run = self._measured
-        return run.observer.aligned(self._flown(z), run.values, run.weighed, run.shift_bound)
+        return run.observer.aligned(self._flown(z), run.values, run.weighed, run.shift_bounds)
 
     def _flown(self, z: Array) -> Array:
         """The channels on the trial's grid, shape (n_points, n_channels); the last flight is kept."""

@@ -60,7 +60,7 @@ def rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def _row(item: Estimate) -> tuple[str, ...]:
     unit = "" if item.unit == "1" else f" {item.unit}"
     health = "-" if item.health is None else f"{'' if item.identifiable else '<= '}{item.health:.2f}"
-    remark = "" if item.identifiable else f"not identifiable: {item.reason}"
+    remark = "" if item.identifiable else f"not identifiable: {item.reason}" if item.effect else item.reason
     if item.alarm:
         remark = f"ALARM; {remark}" if remark else "ALARM"
     return item.fault, f"{item.value:.4g}{unit}", f"{item.low:.4g} to {item.high:.4g}{unit}", health, remark

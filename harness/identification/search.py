@@ -81,15 +81,15 @@ class Problem:
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """The faults' scaled coordinates, shape (n_coordinates,), and the channels' shifts [s], shape (n_channels,)."""
-        shifts = x[len(ORIGIN) :] * self.measured.shift_bound
-        return x[: len(ORIGIN)], shifts if shifts.size else np.zeros(self.data.shape[1])
+        shifts = x[len(ORIGIN) :] * self.measured.shift_bounds if len(x) > len(ORIGIN) else np.zeros(self.data.shape[1])
+        return x[: len(ORIGIN)], shifts
 
     def aligned(self, x: Array) -> Array:
         """`x` with the shifts at which each channel is nearest to the data."""
         if len(x) == len(ORIGIN):
             return x
         z = x[: len(ORIGIN)]
-        return np.r_[z, np.clip(self.model.aligned(z) / self.measured.shift_bound, -1.0, 1.0)]
+        return np.r_[z, np.clip(self.model.aligned(z) / np.maximum(self.measured.shift_bounds, 1e-9), -1.0, 1.0)]
 
     def difference(self, x: Array) -> Array:
         """Model minus data, shape (n_rows, n_channels), in the channels' units."""
@@ -143,7 +143,7 @@ class Problem:
         """Slopes of all residuals by each shift, without a flight of their own: each moves its own channel."""
         if len(x) == len(ORIGIN):
             return []
-        slopes = self.model.slopes(*self.split(x)) * self.measured.shift_bound
+        slopes = self.model.slopes(*self.split(x)) * self.measured.shift_bounds
         columns = []
         for place in range(slopes.shape[1]):
             alone = np.zeros(slopes.shape)
@@ -170,7 +170,7 @@ def explain(problem: Problem, judge: Model) -> tuple[Any, Array]:
         found.append(problem.search(start))
         best = _least(found)
         place = problem.split(best.x)
-        gap = problem.weigh(problem.model.apart(judge, *place))
+        gap = problem.weigh(np.mean(problem.model.apart(judge, *place), axis=0))
         sigma = np.maximum(sigma, _spread(best, found, float(gap @ gap)))
     problem.reweigh(best.x)
     return problem.search(best.x), sigma
@@ -218,17 +218,23 @@ def _all_minima(problem: Problem, found: list[Any]) -> tuple[Any, Array]:
     return best, _spread(best, found, ALIKE * 2.0 * best.cost / best.fun.size)
 
 
-def map_space(problem: Problem, target: Model, start: Array) -> tuple[Any, Array]:
-    """As `explain`, but for the model `target`: space mapping from `start`, in which the problem's own model is searched."""
-    for _ in range(MOST_CORRECTIONS):
+def map_space(problem: Problem, target: Model, start: Array, most: int = MOST_CORRECTIONS) -> tuple[Any, Array]:
+    """As `explain`, but for the model `target`: space mapping from `start`, in which the problem's own model is searched.
+
+    The standard deviation is the last change, once that is small; else how far from the last search all `most` have ended:
+    the ripple of the target, chaotic in rounding, moves them.
+    """
+    ends: list[Array] = []
+    while len(ends) < most:
         place = problem.split(start)
         problem.offset = target.predict(*place) - problem.model.predict(*place)
         problem.reweigh(start)
         best = problem.search(start)
         change, start = np.abs(best.x - start), best.x
+        ends.append(best.x)
         if np.max(change) < CONVERGED:
-            break
-    return best, change
+            return best, change
+    return best, np.max(np.abs(np.array(ends) - best.x), axis=0)
 
 
 def rms_beside_noise(difference: Array, measured: Measured) -> Array:

@@ -14,9 +14,9 @@ from harness.files.reader import read_table
 from harness.files.table import Column
 from harness.logs.axes import axis_of
 from harness.logs.find import find, find_times
-from harness.logs.guess import guesses
+from harness.logs.guess import OPEN, OPEN_MEANS, guesses
 from harness.logs.mapping import KEYS, ColumnSpec, parse_specs
-from harness.logs.ownrun import OWN_RUN, is_run
+from harness.logs.ownrun import OWN_RUN, is_run, with_units
 from harness.logs.run import GAP
 from harness.logs.stimulus import DENSE
 
@@ -64,11 +64,11 @@ def describe(path: Path, columns: Mapping[str, str] | None = None, output: Outpu
 
     HarnessError if it cannot be read, or if `columns` names what is not there.
     """
-    table, specs = read_table(path), parse_specs(columns or {})
+    table, specs = with_units(read_table(path)), parse_specs(columns or {})
     own_run = bool(specs) and is_run(table)
     specs = {} if own_run else specs
     taken = {each.column.number: key for key, each in find([table], specs, KEYS).items()}
-    times = find_times(table, table.columns[0], specs, first=True)
+    times = find_times([table], table, table.columns[0], specs)
     offered = {guess.column.number: guess for guess in guesses(table, linear=output is not None and output.lead is not None)}
     if times is not None:
         taken[times.column.number] = "time"
@@ -95,7 +95,7 @@ def describe(path: Path, columns: Mapping[str, str] | None = None, output: Outpu
 def _hints(described: Sequence[Described], specs: Mapping[str, ColumnSpec], rate: float | None) -> list[str]:
     """What the numbers do not tell, and a user may know."""
     keys = {each.port or each.guess for each in described}
-    hints = []
+    hints = [OPEN_MEANS] if any(f"[{OPEN}]" in each.flag for each in described) else []
     said = any(spec.between for spec in specs.values())
     if "command" in keys and not said and rate is not None and rate * DENSE < 1.0:
         hints.append(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError, unknown
 from harness.files.header import parse_words
 from harness.files.table import Column, Table
-from harness.logs.guess import ALIASES, guesses, own_key, plain
+from harness.logs.guess import ALIASES, OPEN, OPEN_MEANS, guesses, own_key, plain
 from harness.logs.mapping import INPUTS, ColumnSpec
 
 Array = NDArray[np.float64]
@@ -66,44 +66,77 @@ def find(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], keys: Sequenc
     for key in keys:
         if key in found or key == "time":
             continue
-        for table in tables:
-            columns = _named(table, key)
-            if columns:
-                found[key] = Found(table, columns[0], ColumnSpec(key, columns[0].name))
-                break
+        hits = [(table, column) for table in tables for column in _named(table, key)]
+        if len(hits) > 1:
+            (one, column), (other, _) = hits[:2]
+            raise HarnessError(
+                f"column '{column.name}' is in {one.path} and in {other.path}; say which is meant: "
+                f"--column '{key}={one.path.name}:{column.called}'"
+            )
+        if hits:
+            found[key] = Found(*hits[0], ColumnSpec(key, hits[0][1].name))
     _refuse_shared(found)
     return found
 
 
 def _refuse_shared(found: Mapping[str, Found]) -> None:
     """HarnessError if one column is taken as two things."""
-    taken: dict[tuple[Path, int], str] = {}
+    taken: dict[tuple[Path, int], Found] = {}
     for key, each in found.items():
         if key in ("run", "group"):
             continue
-        other = taken.setdefault((each.table.path, each.column.number), key)
-        if other != key:
-            raise HarnessError(f"{each.where}: is taken as {other} and as {key}; it can be one of them")
+        other = taken.setdefault((each.table.path, each.column.number), each).spec
+        if other.key != key:
+            stated = " and ".join(f"{spec.key}='{spec.text}'" for spec in (other, each.spec) if spec.text)
+            by = f" ({stated}, by --column or the actuator's [log])" if stated else ""
+            raise HarnessError(f"{each.where}: is taken as {other.key} and as {key}{by}; it can be one of them")
 
 
-def find_times(table: Table, column: Column, specs: Mapping[str, ColumnSpec], *, first: bool) -> Found | None:
+def find_times(tables: Sequence[Table], table: Table, column: Column, specs: Mapping[str, ColumnSpec]) -> Found | None:
     """The times of a column: its own axis, or those the user names, or the column named time; None if there is none.
 
-    `first`: the table is the first of several; in the others, a name that is not there gives way to the own name.
+    `table`: one of `tables`. A name that is stated is one of the first, or of that which stands before it (FILE:COLUMN);
+    in further files a name that is not there, and a number, give way to the own name, or to the only word of a time with a
+    unit. HarnessError for times of a further file that are open.
     """
     spec = specs.get("time")
+    file, _, rest = spec.column.partition(":") if spec else ("", "", "")
+    among = [each for each in tables if rest and each.path.name == file] or [tables[0]]
+    meant = any(each is table for each in among)
     if column.time:
         axis = [each for each in table.columns if each.name == column.time]
         if axis or spec is None:
-            return Found(table, axis[0], ColumnSpec("time", column.time, spec.unit if spec else "")) if axis else None
-    if spec is not None:
-        columns = _matches(table, spec.column)
-        if columns or first:
-            return _stated([table], spec)
+            unit = spec.unit if spec and meant else ""
+            return Found(table, axis[0], ColumnSpec("time", column.time, unit)) if axis else None
+    if spec and meant:
+        return _stated([table], spec)
+    if spec and among[0] is tables[0] and not spec.column.isdigit() and _matches(table, spec.column):
+        return _with_its_unit(_stated([table], spec))
     own = _named(table, "time")
-    if not own and not first:
-        own = [guess.column for guess in guesses(table) if guess.key == "time"]
+    if not own and table is not tables[0]:
+        own = _only_times(table)
     return Found(table, own[0], ColumnSpec("time", own[0].name)) if own else None
+
+
+def _with_its_unit(found: Found) -> Found:
+    """The times of a further file, with what is stated of the first; HarnessError if its header states another unit."""
+    if found.column.unit and found.spec.unit and found.column.unit != found.spec.unit:
+        raise HarnessError(
+            f"{found.where}: [{found.spec.unit}] is stated, its header says [{found.column.unit}]; "
+            f"say which file is meant: --column 'time=FILE:{found.column.called} [{found.spec.unit}]'"
+        )
+    return found
+
+
+def _only_times(table: Table) -> list[Column]:
+    """The one column of a further file whose word is that of a time and has a unit; HarnessError if it is open which is."""
+    likely = [column for column in table.columns if ALIASES.get(plain(column.name)) == "time"]
+    if len(likely) == 1 and (likely[0].unit or likely[0].epoch is not None):
+        return likely
+    if not likely:
+        return []
+    offered = [f"--column 'time={table.path.name}:{column.called} [{column.unit or 'UNIT'}]'" for column in likely]
+    raise HarnessError(f"{table.at_header}: which are its times, and in what unit, is open: {' or '.join(offered)}")
 
 
 def _named(table: Table, key: str) -> list[Column]:
@@ -175,6 +208,7 @@ def missing(table: Table, keys: Sequence[str], *, linear: bool = False) -> Harne
     more = f" and {len(table.columns) - LISTED} more" if len(table.columns) > LISTED else ""
     offered = [guess.flag for guess in guesses(table, linear=linear)]
     hint = f"; what looks like it: {' '.join(offered)}" if offered else "; name them by --column PORT=COLUMN"
+    hint += f" ({OPEN_MEANS})" if f"[{OPEN}]" in hint else ""
     wanted = "' or '".join(keys)
     return HarnessError(f"{table.at_header}: no column '{wanted}', found: {found}{more}{hint} ('ema columns' shows them)")
 

@@ -90,12 +90,21 @@ class Guess:
 
     @property
     def is_readable(self) -> bool:
-        """Whether its unit is one that the reader takes for its key."""
-        return not self.unit or any(_takes(self.unit, target) for target in TARGETS[self.key])
+        """Whether its unit is one that the reader takes for its key, or is left to the user."""
+        return self.unit in ("", OPEN) or any(_takes(self.unit, target) for target in TARGETS[self.key])
 
 
 WIDE, FAST = 2.5, 1500.0
-"""Ranges of a position [rad] and of a motor speed [rad/s] from which they are more likely in degrees and in rpm."""
+"""Ranges of an angle [rad] and of a motor speed [rad/s] from which they are more likely in degrees and in rpm."""
+OPEN = "UNIT"
+"""In place of a unit that neither the header nor the numbers tell; a reader refuses it."""
+OPEN_MEANS = (
+    "UNIT stands where nothing tells: deg, rpm, A, ...; or mm and mm/s, if --actuator names a linear actuator's file"
+)
+_ANGLE = re.compile(r"angle|winkel|theta", re.IGNORECASE)
+_LENGTH = re.compile(r"weg|stroke|travel|displacement|rod|extension|hub", re.IGNORECASE)
+ALIKE, RELATED = 0.9, 0.3
+"""Correlations of a column with what a position's slope is, or a speed's, from which it may be a speed, or a current."""
 _PER_MINUTE = re.compile(r"1?/min|min\^?-1", re.IGNORECASE)
 TARGETS: dict[str, tuple[str, ...]] = {
     "time": ("s",), "supply_voltage": ("V",), "load_torque": ("N.m", "N"), "temperature": ("degC",),
@@ -118,13 +127,17 @@ def guesses(table: Table, *, linear: bool = False) -> list[Guess]:
     """A guess for each column that looks like something, each key once, in the columns' order."""
     found = [(column, _by_word(column)) for column in table.columns]
     if not any(key in ("command", "position", "motor_position") for _, key in found):
-        nameless = [column for column in table.columns if column.name.rpartition(".")[2].isdigit() or not column.name]
+        nameless = [column for column in table.columns if _is_nameless(column)]
         found = _by_numbers(nameless, next((column for column, key in found if key == "time"), None)) + found
     taken: dict[str, Guess] = {}
     for column, key in found:
         if key and key not in taken and (not column.labels or key in ("run", "group")):
             taken[key] = Guess(column, key, _unit(column, key, linear=linear))
     return sorted(taken.values(), key=lambda guess: guess.column.number)
+
+
+def _is_nameless(column: Column) -> bool:
+    return not column.name or column.name.rpartition(".")[2].isdigit()
 
 
 def _by_word(column: Column) -> str:
@@ -156,8 +169,33 @@ def _by_numbers(columns: Sequence[Column], times: Column | None = None) -> list[
         others = [c for c in rest[1:] if not np.array_equal(c.values, command.values)]
         likeness = [_likeness(command.values, c.values) for c in others]
         if likeness and max(likeness) > 0.5:
-            found.append((others[int(np.argmax(likeness))], "position"))
+            position = others.pop(int(np.argmax(likeness)))
+            found += [(position, "position"), *_by_slopes(position.values, rising.values, others)]
     return found
+
+
+def _by_slopes(position: np.ndarray, time: np.ndarray, columns: Sequence[Column]) -> list[tuple[Column, str]]:
+    """The column that is like the position's slope, and, if one is left beside it, that which goes with it."""
+    if len(time) != len(position) or not bool(np.all(np.diff(time) > 0.0)):
+        return []
+    slope = np.gradient(position, time)
+    speed = max(columns, key=lambda each: _correlation(slope, each.values), default=None)
+    if speed is None or _correlation(slope, speed.values) < ALIKE:
+        return []
+    rest = [each for each in columns if each is not speed]
+    of_speed = (speed.values, np.gradient(speed.values, time))
+    if len(rest) != 1 or max(_correlation(each, rest[0].values) for each in of_speed) < RELATED:
+        return [(speed, "motor_speed")]
+    return [(speed, "motor_speed"), (rest[0], "equivalent_current")]
+
+
+def _correlation(one: np.ndarray, other: np.ndarray) -> float:
+    if len(one) != len(other):
+        return 0.0
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 3 or np.ptp(one[both]) == 0.0 or np.ptp(other[both]) == 0.0:
+        return 0.0
+    return abs(float(np.corrcoef(one[both], other[both])[0, 1]))
 
 
 def _counts(column: Column) -> bool:
@@ -173,15 +211,20 @@ def _varies(column: Column) -> bool:
 
 
 def _likeness(one: np.ndarray, other: np.ndarray) -> float:
-    both = np.isfinite(one) & np.isfinite(other)
-    if both.sum() < 3 or np.ptp(one[both]) == 0.0 or np.ptp(other[both]) == 0.0:
+    alike = _correlation(one, other)
+    if alike == 0.0:
         return 0.0
+    both = np.isfinite(one) & np.isfinite(other)
     spread = np.ptp(one[both]) / np.ptp(other[both])
-    return abs(float(np.corrcoef(one[both], other[both])[0, 1])) * min(spread, 1.0 / spread) ** 0.5
+    return alike * float(min(spread, 1.0 / spread)) ** 0.5
 
 
 def _unit(column: Column, key: str, *, linear: bool) -> str:
-    """The unit as written, or the one that the numbers suggest."""
+    """The unit as written, or the one that the word and the numbers tell, OPEN where they leave it open.
+
+    `linear`: whether the actuator is known to have a rod. Numbers that may be SI units are only taken for them where a word
+    says what they are.
+    """
     if column.unit and key == "motor_speed" and not any(_takes(column.unit, target) for target in TARGETS[key]):
         return "rpm" if _PER_MINUTE.fullmatch(column.unit.strip()) else column.unit
     if column.unit or column.labels or key in ("run", "group"):
@@ -193,10 +236,13 @@ def _unit(column: Column, key: str, *, linear: bool) -> str:
     if key == "time":
         step = float(np.median(np.abs(np.diff(values))))
         return "ms" if 0.5 <= step <= 50.0 and values[0] < 1e9 else ("us" if 50.0 < step <= 5e4 and values[0] < 1e9 else "")
+    small = OPEN if _is_nameless(column) else ""
     if key in ("position", "command", "position_demand", "position_error"):
-        return "mm" if linear and spread > 0.5 else ("deg" if not linear and spread > WIDE else "")
+        if linear or _LENGTH.search(column.name):
+            return "mm" if spread > 0.5 else small
+        return small if spread <= WIDE else "deg" if _ANGLE.search(column.name) else OPEN
     if key == "motor_speed":
-        return "rpm" if spread > FAST else ""
+        return "rpm" if spread > FAST else small
     if "current" in key:
-        return "mA" if spread > 500.0 else ""
+        return "mA" if spread > 500.0 else small
     return ""

@@ -106,11 +106,11 @@ def sized(data: Array, expected: Array, unit: str, what: str) -> str:
     return ""
 
 
-def at_bounds(names: Sequence[str], shifts: Sequence[float], bound: float) -> list[str]:
+def at_bounds(names: Sequence[str], shifts: Sequence[float], bounds: Sequence[float]) -> list[str]:
     """A line for each channel whose shift in time [s] has come to its bound: most likely it is beyond; none for no bound."""
     return [
         f"{name} is shifted in time by {1e3 * shift:.3g} ms, as far as is allowed: are its times and the command's right?"
-        for name, shift in zip(names, shifts, strict=False)
+        for name, shift, bound in zip(names, shifts, bounds, strict=False)
         if bound > 0.0 and abs(shift) > AT_BOUND * bound
     ]
 

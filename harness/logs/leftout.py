@@ -12,7 +12,8 @@ from harness.logs.log import CHANNELS
 from harness.logs.mapping import INPUTS
 
 _LIKE_A_UNIT = re.compile(
-    r"(?:[kmuµ]?(?:n|g|v|a|w)|rad|deg|rpm|lbs?|lbf|oz|cm|mm|in|ft|m|s|ms|volts?|amp(?:ere)?s?|newtons?|rms|dc|per|[/*.^%°0-9])+",
+    r"(?:[kmuµ]?(?:n|g|v|a|w)|rad|deg|rpm|lbs?|lbf|oz|cm|mm|in|ft|m|s|ms|volts?|amp(?:ere)?s?|newtons?|rms|dc|per"
+    r"|[/*.^%°0-9_ ])+",
     re.IGNORECASE,
 )
 """What is left of a word when a port's name is taken away, if it can only be a unit, known or not."""
@@ -54,7 +55,7 @@ def _refuse_meant(table: Table, column: Column, found: Mapping[str, Found]) -> N
         rest = _rest(column.name.rpartition(".")[2], key)
         if _LIKE_A_UNIT.fullmatch(rest) and rest.lower() not in _NO_UNITS:
             raise HarnessError(
-                f"{table.at_header}: column '{column.name}' begins like {key}, but '{rest}' is no unit that is known; "
+                f"{table.at_header}: column '{column.name}' begins like {key}, but '{rest}' is no unit of it that is known; "
                 f"state one: --column '{key}={column.name} [UNIT]'"
             )
         return

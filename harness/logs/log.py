@@ -39,7 +39,8 @@ class Log:
     position that was measured on the motor is `motor_position`: the rotor's angle. `between`: what the command does
     between rows; None if nobody said. `loggers`: port -> how it was taken, "sampled" for those not named. `output`: how
     it is shown. `others`: what is no port: `temperature` [degC], and `target` [rad], the command before a path planner,
-    where what is flown is its demand. `remarks`: a line for each thing a user should know
+    where what is flown is its demand. `rows`: port -> which rows are its own, shape (n_rows,), where not all are: those of
+    its file, or, where most cells are empty, those with a value. `remarks`: a line for each thing a user should know
     (rows masked, gaps, columns left out, what is open).
     """
 
@@ -54,11 +55,20 @@ class Log:
     group: str = ""
     others: Mapping[str, Array] = field(default_factory=dict, repr=False)
     remarks: tuple[str, ...] = ()
+    rows: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
 
     @property
     def rate(self) -> float:
-        """Rows a second: one over the median of the rows' distances."""
+        """Rows a second, of all columns together: one over the median of the rows' distances."""
         return 1.0 / float(np.median(np.diff(self.time)))
+
+    def rows_of(self, name: str) -> NDArray[np.bool_]:
+        """Which of the rows are those of the input or channel `name`, shape (n_rows,)."""
+        return self.rows.get(name, np.ones(len(self.time), dtype=bool))
+
+    def rate_of(self, name: str) -> float:
+        """Rows a second of the input or channel `name`."""
+        return 1.0 / float(np.median(np.diff(self.time[self.rows_of(name)])))
 
 
 CHANNELS: tuple[str, ...] = (

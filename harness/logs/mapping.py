@@ -24,6 +24,8 @@ _WORDS = re.compile(
     r"(?P<column>.*?)(?P<words>(?:\s+(?:held|ramped|motor|user|sampled|averaged|filtered\s+[\d.,eE+-]+\s*[a-zµ]*))+)",
     re.DOTALL,
 )
+MOST_TAU = 10.0
+"""Largest time constant of a filter [s] that is taken for one (ours): a drive's is some milliseconds."""
 _FILTERED = re.compile(r"filtered\s+([\d.,eE+-]+\s*[a-zµ]*)")
 
 
@@ -57,6 +59,9 @@ def parse_columns(texts: Sequence[str], log: Mapping[str, str] | None = None) ->
         given.add(key)
         columns[key] = rest
         parse_spec(key, rest, f"--column {text}")
+    for key, other in (("position", "position_error"), ("position_error", "position")):
+        if key in given and other not in given:
+            columns.pop(other, None)  # the one of [log] is what the option replaces
     return columns
 
 
@@ -67,8 +72,14 @@ def parse_specs(columns: Mapping[str, str]) -> dict[str, ColumnSpec]:
 
 def check_layout(log: Mapping[str, str], output: Output, where: str) -> None:
     """HarnessError, beginning with `where` and the key, for a text of an actuator's `[log]` that no log can be read by."""
+    taken: dict[str, str] = {}
     for key, text in log.items():
         spec = parse_spec(key, text, f"{where} {key}")
+        if spec.column == "0":
+            raise HarnessError(f"{where} {key}: columns are numbered from 1")
+        other = taken.setdefault(spec.column, key) if key not in LABELS else key
+        if other != key:
+            raise HarnessError(f"{where} {key}: '{spec.column}' is the column of {other} too; it can be one of them")
         if spec.unit and key not in LABELS:
             _check_unit(spec, output, f"{where} {key}")
 
@@ -100,6 +111,8 @@ def parse_spec(key: str, text: str, where: str) -> ColumnSpec:
     column, unit, words = parts["column"].strip(), parts.get("unit") or "", parts.get("words") or ""
     if not column:
         raise HarnessError(f"{where}: a column is needed before the unit, by its word or number")
+    if column.count("[") != column.count("]"):
+        raise HarnessError(f"{where}: '{text}' has a bracket without the other; 'COLUMN [unit] words' is needed")
     spec = {"unit": unit.strip(), "text": text}
     return ColumnSpec(key, column, **spec, **_parsed(key, words, where))  # type: ignore[arg-type]
 
@@ -109,11 +122,12 @@ def _parsed(key: str, words: str, where: str) -> dict[str, object]:
     found: dict[str, object] = {}
     if match := _FILTERED.search(words):
         tau = quantity(match[1], "s", where)
-        if not tau > 0.0:
-            raise HarnessError(f"{where}: a filter's time constant is more than 0")
+        if not 0.0 < tau <= MOST_TAU:
+            raise HarnessError(f"{where}: a filter's time constant is more than 0, and at most {MOST_TAU:g} s")
         found["logger"] = Logger("filtered", tau)
         words = words.replace(match[0], " ")
     for word in words.split():
+        told = len(found)
         if word in ("held", "ramped") and key in ("command", "position_demand"):
             found["between"] = Between(word)
         elif word in ("motor", "user") and key in SIDED:
@@ -125,6 +139,8 @@ def _parsed(key: str, words: str, where: str) -> dict[str, object]:
                 f"{where}: '{word}' says nothing of {key}; held or ramped goes with the command, motor or user with the "
                 "position, sampled, averaged or 'filtered 2 ms' with what is measured"
             )
+        if len(found) == told:
+            raise HarnessError(f"{where}: '{word}' comes after a word that says the same or the contrary; one is needed")
     if "logger" in found and key not in CHANNELS:
         raise HarnessError(f"{where}: sampled, averaged or filtered goes with what is measured, not with {key}")
     return found

@@ -5,6 +5,7 @@ stands for all that a log leaves open about when things happened: a column stamp
 before its row.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,22 +28,27 @@ SCANNED = 2.5e-4
 """Distance [s] of the shifts that are tried before the best is refined."""
 
 
-def shift_bound(log: Log) -> float:
-    """Largest shift of a channel of this log, either way [s]; 0 for dense rows, which show when things happen."""
-    return 0.0 if is_dense(log) else min(1.0 / log.rate, MOST_SHIFT)
+def shift_bounds(log: Log, names: Sequence[str]) -> Array:
+    """Largest shift of each channel of `names`, either way [s], shape (n_channels,): as far as its own rows, or those of the
+    command, are apart; 0 where both are dense, and show when things happen."""
+    dense = np.array([is_dense(log, name, "command") for name in names])
+    apart = np.array([1.0 / min(log.rate_of(name), log.rate_of("command")) for name in names])
+    return np.where(dense, 0.0, np.minimum(apart, MOST_SHIFT))
 
 
 @dataclass(frozen=True)
 class Observer:
     """Sees a twin's outputs on the points `start` + n*`step` [s] as the log does at `time` [s], shape (n_rows,).
 
-    `loggers`: how each channel is taken, in their order. Before the first point and after the last the twin stands still.
+    `loggers`: how each channel is taken, in their order; `own`: which rows are its own, shape (n_rows,), all where there is
+    none. Before the first point and after the last the twin stands still.
     """
 
     time: Array
     start: float
     step: float
     loggers: tuple[Logger, ...]
+    own: tuple[NDArray[np.bool_], ...] = ()
 
     def rows(self, values: Array, shifts: Array) -> Array:
         """Channels (n_points, n_channels) as the log has them, shape (n_rows, n_channels); `shifts` [s], (n_channels,)."""
@@ -59,11 +65,11 @@ class Observer:
         """The channel at `place`, shape (n_points,), as the log has it, shape (n_rows,)."""
         return self._taken(self._before(series, place), place, shift)
 
-    def aligned(self, values: Array, data: Array, weighed: NDArray[np.bool_], bound: float) -> Array:
-        """The shifts within +-`bound` [s] at which each channel is nearest to `data` (n_rows, n_channels), in the rows that
-        are `weighed` (same shape); shape (n_channels,)."""
+    def aligned(self, values: Array, data: Array, weighed: NDArray[np.bool_], bounds: Array) -> Array:
+        """The shifts within +-`bounds` [s], (n_channels,), at which each channel is nearest to `data` (n_rows, n_channels),
+        in the rows that are `weighed` (same shape); shape (n_channels,)."""
         return np.array(
-            [self._best_shift(values[:, n], n, data[:, n], weighed[:, n], bound) for n in range(len(self.loggers))]
+            [self._best_shift(values[:, n], n, data[:, n], weighed[:, n], bounds[n]) for n in range(len(self.loggers))]
         )
 
     def _best_shift(self, series: Array, place: int, data: Array, weighed: NDArray[np.bool_], bound: float) -> float:
@@ -99,9 +105,14 @@ class Observer:
             if np.allclose(places, whole, rtol=0.0, atol=1e-3) and 0 <= whole[0] and whole[-1] < len(prepared):
                 return np.ascontiguousarray(prepared[whole])
             return np.interp(places, np.arange(len(prepared)), prepared)
-        distances = np.diff(self.time)
-        distances = np.r_[np.median(distances), distances]
+        distances = self._since(place)
         return (self._integral(prepared, places) - self._integral(prepared, places - distances / self.step)) / distances
+
+    def _since(self, place: int) -> Array:
+        """Time [s] from the channel's own row before each row, shape (n_rows,); the usual one at its first."""
+        own = self.time[self.own[place]] if self.own else self.time
+        before = np.searchsorted(own, self.time) - 1
+        return np.where(before < 0, np.median(np.diff(own)), self.time - own[np.maximum(before, 0)])
 
     def _integral(self, integral: Array, places: Array) -> Array:
         """An integral at fractional places; outside, its first and last slopes go on."""
@@ -119,4 +130,4 @@ def observer_of(log: Log, trial: Trial, names: tuple[str, ...]) -> Observer:
             raise HarnessError(
                 f"{log.source}, {name}: '{logger.kind}' is no logger; sampled, averaged or filtered is needed"
             )
-    return Observer(log.time, trial.start, trial.step, loggers)
+    return Observer(log.time, trial.start, trial.step, loggers, tuple(log.rows_of(name) for name in names))

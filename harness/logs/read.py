@@ -35,8 +35,9 @@ def read_log(
     """The runs of a log, in the order in which they begin in the file.
 
     `columns`: port -> `COLUMN [unit] words`, as in an actuator's `[log]`; other columns are taken where they bear a port's
-    own name. A file of `ema run` is read by its own names alone. `output`: what moves at the user's side; without a unit,
-    positions are in its unit. `parameters`: of this actuator, by port name. `with_files`: further files, joined by time.
+    own name. A file of `ema run` is read by its own names and units alone. `output`: what moves at the user's side;
+    without a unit, positions are in its unit. `parameters`: of this actuator, by port name. `with_files`: further files,
+    joined by time.
     HarnessError, with line and column, for anything that cannot be used; where columns are missing, with what was found and
     the options that would accept a guess.
     """
@@ -70,7 +71,7 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
     first = tables[0]
     linear = output.lead is not None
     found = find(tables, specs, KEYS)
-    any_times = find_times(first, first.columns[0], specs, first=True) if not first.columns[0].time else True
+    any_times = find_times(tables, first, first.columns[0], specs) if not first.columns[0].time else True
     remarks = [remark for table in tables for remark in table.remarks]
     remarks += [] if is_run(first) else left_out(first, found)
     _check_enough(first, found, bool(any_times), linear=linear)
@@ -80,12 +81,13 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
     axes: dict[tuple[int, int], Axis] = {}
     of: dict[str, tuple[int, int]] = {}
     for key, each in found.items():
-        times = _times_of(each, specs, first=each.table is first, linear=linear)
+        times = _times_of(tables, each, specs, linear=linear)
         of[key] = (tables.index(each.table), times.column.number)
         axes.setdefault(of[key], axis_of(times))
     remarks += [axis.remark for axis in axes.values() if axis.remark]
     values: dict[str, Array] = {}
     labels: dict[str, Sequence[str]] = {}
+    own: dict[str, NDArray[np.bool_]] = {}
     for key, each in found.items():
         if key in ("run", "group"):
             labels[key] = _labels(each)
@@ -103,15 +105,23 @@ def _rows(tables: Sequence[Table], specs: Mapping[str, ColumnSpec], output: Outp
         time, places, remark = joined(list(axes.values()))
         remarks.append(remark)
         for key in values:
-            spread = np.full(len(time), np.nan)
-            spread[places[list(axes).index(of[key])]] = values[key]
-            values[key] = spread
-    return Rows(first, axes[demand], time, values, labels, found, tuple(remarks), len(axes) == 1)
+            spread, place = np.full(len(time), np.nan), places[list(axes).index(of[key])]
+            spread[place] = values[key]
+            values[key], own[key] = spread, np.isin(np.arange(len(time)), place)
+    return _counted(Rows(first, axes[demand], time, values, labels, found, tuple(remarks), own))
 
 
-def _times_of(found: Found, specs: Mapping[str, ColumnSpec], *, first: bool, linear: bool) -> Found:
+def _counted(rows: Rows) -> Rows:
+    """The rows, with a remark on those that are no run's."""
+    key = "run" if "run" in rows.labels else "group"
+    without = sum(not label for label in rows.labels.get(key, ()))
+    line = f"{without} row(s) without a {key} are left out ({rows.found[key].where})" if without else ""
+    return replace(rows, remarks=(*rows.remarks, line)) if line else rows
+
+
+def _times_of(tables: Sequence[Table], found: Found, specs: Mapping[str, ColumnSpec], *, linear: bool) -> Found:
     """The times of a column's rows; HarnessError if there are none, or not as many."""
-    times = find_times(found.table, found.column, specs, first=first)
+    times = find_times(tables, found.table, found.column, specs)
     if times is None and found.column.time:
         raise HarnessError(
             f"{found.where}: which times its {len(found.column.values)} rows have is open; name them: --column time=COLUMN"

@@ -23,6 +23,8 @@ LEAST_RATE = 25.0
 """Rows a second from which a log can be compared."""
 GAP = 5.0
 """A gap is more than so many times the usual distance of rows."""
+MOSTLY_EMPTY = 0.6
+"""Part of its rows up to which a column that has a value in them is one of a slower rate."""
 UNIT = ports.VARIABLES[ports.INDEX["command"]].unit
 SAME = "the same value in all rows; nothing was measured"
 
@@ -31,7 +33,8 @@ SAME = "the same value in all rows; nothing was measured"
 class Rows:
     """Rows of all runs: `time` [s] and `values` by key in the ports' units, shape (n_rows,), `labels` of runs and groups.
 
-    `axis`: the times as they stand in the file; `own`: whether the rows are those of one axis, with its lines.
+    `axis`: the times as they stand in the file. `of`: key -> which rows are of its own axis, where several are joined; rows
+    of one axis have its lines.
     """
 
     table: Table
@@ -41,7 +44,19 @@ class Rows:
     labels: Mapping[str, Sequence[str]]
     found: Mapping[str, Found]
     remarks: tuple[str, ...]
-    own: bool
+    of: Mapping[str, NDArray[np.bool_]]
+
+    @property
+    def own(self) -> bool:
+        """Whether the rows are those of one axis."""
+        return not self.of
+
+    def taken(self, key: str, which: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Which of the rows `which` are the column's own, shape (n_rows,): those of its axis, a missing one too, or, of a
+        column that is mostly empty there, those with a value."""
+        own = self.of[key][which] if key in self.of else np.ones(len(which), dtype=bool)
+        there = own & np.isfinite(self.values[key][which])
+        return there if 1 < there.sum() <= MOSTLY_EMPTY * own.sum() else own
 
 
 def log_of(
@@ -73,7 +88,8 @@ def log_of(
     for key in ("load_torque", "supply_voltage"):
         if key in rows.values and np.isfinite(rows.values[key][which]).any():
             inputs[key] = filled(time, _without_spikes(rows, which, key, remarks), None)
-    channels, loggers = _channels(rows, which, inputs["command"], ratio, remarks)
+    channels, loggers, taken = _channels(rows, which, inputs["command"], ratio, remarks)
+    taken["command"] = rows.taken(flown, which)
     if not channels:
         raise HarnessError(f"{where}: {SAME}")
     others = {key: rows.values[key][which] for key in ("temperature",) if key in rows.values}
@@ -94,6 +110,7 @@ def log_of(
         group,
         others,
         tuple(remarks),
+        {name: own for name, own in taken.items() if not own.all()},
     )
 
 
@@ -158,10 +175,11 @@ def _check_rate(where: str, time: Array, found: Mapping[str, Found]) -> None:
 
 def _channels(
     rows: Rows, which: NDArray[np.intp], command: Array, ratio: float, remarks: list[str]
-) -> tuple[dict[str, Array], dict[str, Logger]]:
-    """What was measured, in the order of CHANNELS, with how it was taken; spikes masked."""
+) -> tuple[dict[str, Array], dict[str, Logger], dict[str, NDArray[np.bool_]]]:
+    """What was measured, in the order of CHANNELS, with how it was taken and in which rows; spikes masked."""
     channels: dict[str, Array] = {}
     loggers: dict[str, Logger] = {}
+    taken: dict[str, NDArray[np.bool_]] = {}
     for key in ("position", *(name for name in CHANNELS if name != "position"), "position_error"):
         found = rows.found.get(key)
         if found is None:
@@ -184,10 +202,10 @@ def _channels(
             place, series = "motor_position", series * ratio
         if place in channels:
             continue
-        channels[place] = series
+        channels[place], taken[place] = series, rows.taken(key, which)
         if found.spec.logger:
             loggers[place] = found.spec.logger
-    return {name: channels[name] for name in CHANNELS if name in channels}, loggers
+    return {name: channels[name] for name in CHANNELS if name in channels}, loggers, taken
 
 
 def _gaps(time: Array) -> list[str]:

@@ -20,11 +20,12 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     if len(known) < LEAST_ROWS:
         return masked
     series = values[known]
-    height = np.abs(series[1:-1] - 0.5 * (series[2:] + series[:-2]))
-    alone = np.abs(series[2:] - series[:-2]) < AGREE * height
+    one, other = np.r_[series[2], series[:-1]], np.r_[series[1:], series[-3]]  # an end's are the two beside it
+    height = np.abs(series - 0.5 * (one + other))
+    alone = np.abs(one - other) < AGREE * height
     most = max(1, int(MOST * len(series)))
-    candidates = 1 + np.flatnonzero(alone)
-    candidates = candidates[np.argsort(-height[candidates - 1], kind="stable")][: most + 1]
+    candidates = np.flatnonzero(alone)
+    candidates = candidates[np.argsort(-height[candidates], kind="stable")][: most + 1]
     rest = np.ones(len(series), dtype=bool)
     rest[candidates] = False
     low, high = float(series[rest].min()), float(series[rest].max())

@@ -42,7 +42,7 @@ class Start:
 def start_of(log: Log, parameters: Mapping[str, float]) -> Start:
     """How the log begins; `parameters` are those set for the actuator, by port name."""
     ratio = _ratio(parameters)
-    if is_dense(log) and {"motor_speed", "position"} <= set(log.channels):
+    if {"motor_speed", "position"} <= set(log.channels) and is_dense(log, "command", "motor_speed", "position"):
         x, w, moving = _by_speed(log)
     else:
         x, w, moving = _by_position(log.time, log.inputs["command"], user_position(log, parameters), ratio)
@@ -52,7 +52,7 @@ def start_of(log: Log, parameters: Mapping[str, float]) -> Start:
 
 def resting(log: Log, parameters: Mapping[str, float]) -> NDArray[np.bool_]:
     """Whether each row is part of a rest of STUCK or longer, shape (n_rows,)."""
-    if is_dense(log) and "motor_speed" in log.channels:
+    if "motor_speed" in log.channels and is_dense(log, "command", "motor_speed"):
         speed = filled(log.time, log.channels["motor_speed"])
         width = max(1, round(STUCK / 4.0 / float(np.median(np.diff(log.time)))))
         noise = noise_of(speed) / np.sqrt(width)

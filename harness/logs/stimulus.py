@@ -17,9 +17,10 @@ JUMP = 8.0
 """A change of the command between rows is a jump, not a slope, if it is more than so many times that of its neighbours."""
 
 
-def is_dense(log: Log) -> bool:
-    """Whether the log's rows are close enough to show the command's shape, and when things happen."""
-    return 1.0 / log.rate <= DENSE
+def is_dense(log: Log, *names: str) -> bool:
+    """Whether the rows of `names` (the command's, if none is given) are close enough to show the command's shape, and when
+    things happen."""
+    return all(1.0 / log.rate_of(name) <= DENSE for name in names or ("command",))
 
 
 def trials_of(log: Log, *, beyond: float = 0.0) -> dict[Between, Trial]:

@@ -43,7 +43,7 @@ def read_trial(
         columns = {key: text for key, text in log.items() if key in ("time", *INPUTS)} | dict(columns or {})
     specs = parse_specs(columns or {})
     found = find([table], specs, INPUTS)
-    times = find_times(table, table.columns[0], specs, first=True)
+    times = find_times([table], table, table.columns[0], specs)
     linear = output is not None and output.lead is not None
     if times is None or "command" not in found:
         raise missing(table, ["time" if times is None else "command"], linear=linear)
@@ -57,7 +57,7 @@ def read_trial(
     for name in INPUTS:
         if name not in found:
             continue
-        own = find_times(table, found[name].column, specs, first=True)
+        own = find_times([table], table, found[name].column, specs)
         axis = axis_of(own or times)
         values = inside(found[name], output or Output(), ratio=1.0)
         if np.isnan(values).any():

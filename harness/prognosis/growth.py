@@ -43,7 +43,8 @@ class Trend:
     """How a fault has grown, and how it is predicted to grow. Times are in the unit of the history, from its first run.
 
     `at`, `values`, `sigmas`, shape (n_runs,): time, estimate and standard deviation of the runs that identify the fault.
-    `level`, `rate` and their `covariance` (2, 2): at the last run. `scatter`: standard deviation of the runs beyond what
+    `level`, within the searched range, `rate` and their `covariance` (2, 2): at the last run.
+    `scatter`: standard deviation of the runs beyond what
     their intervals say. `health`: the event state at the last run. `times_of_event`: of each sample that reaches the limit
     within `horizon` after the last run; `reached`: the part of the samples that does. `forecast`: times, shape (n_times,),
     and 5, 50, 95 % quantiles of the predicted value, shape (3, n_times). Nothing is predicted for a fault that does not
@@ -126,7 +127,7 @@ def follow(fault: Fault, limit: float, at: Array, values: Array, sigmas: Array) 
         at=at,
         values=values,
         sigmas=sigmas,
-        level=level,
+        level=min(max(level, fault.searched[0]), fault.searched[1]),
         rate=rate,
         covariance=covariance,
         scatter=scatter,

@@ -18,7 +18,8 @@ LIFE = (0.05, 0.5, 0.95)
 class Outlook:
     """The trends by short name, of those faults that enough runs identify.
 
-    `unit` of time; `runs`: number of all flights; `problems`: a line for each flight that was left out.
+    `unit` of time; `runs`: number of all flights; `problems`: a line for each flight that was left out; `not_followed`: a
+    line for each fault without a trend.
     """
 
     trends: dict[str, Trend]
@@ -26,6 +27,7 @@ class Outlook:
     runs: int
     problems: list[str]
     verdict: str
+    not_followed: list[str]
 
     def as_dict(self) -> dict[str, object]:
         """For JSON; times in `unit` from the first run."""
@@ -34,6 +36,7 @@ class Outlook:
             "runs": self.runs,
             "problems": self.problems,
             "verdict": self.verdict,
+            "not_followed": self.not_followed,
             "faults": {name: _as_dict(trend) for name, trend in self.trends.items()},
         }
 
@@ -43,11 +46,16 @@ def outlook(history: Sequence[IdentifiedFlight], limits: Mapping[str, float], un
 
     `limits` by short name, where not those of the faults; `unit` of time.
     """
+    problems = [item.problem for item in history if item.problem]
     trends: dict[str, Trend] = {}
+    not_followed: list[str] = []
     for name, fault in FAULTS.items():
-        known = [(item.flight.at, item.estimates[name]) for item in history if not item.problem]
-        known = [(at, estimate) for at, estimate in known if estimate.identifiable]
+        all_known = [(item.flight.at, item.estimates[name]) for item in history if not item.problem]
+        known = [(at, estimate) for at, estimate in all_known if estimate.identifiable]
         if len(known) < FEWEST_RUNS:
+            reason = f"identifiable in {len(known)} of {len(all_known)} runs, {FEWEST_RUNS} are needed"
+            nothing = [estimate.reason for _, estimate in all_known if not estimate.effect]
+            not_followed.append(f"{name}: {nothing[0] if nothing else reason}")
             continue
         at = np.array([when for when, _ in known])
         values = np.array([estimate.value for _, estimate in known])
@@ -55,12 +63,12 @@ def outlook(history: Sequence[IdentifiedFlight], limits: Mapping[str, float], un
         limit = limits.get(name, fault.limit_towards(float(values[-1])))
         trends[name] = follow(fault, limit, at, values, sigmas)
     if not trends:
-        used = sum(not item.problem for item in history)
-        raise HarnessError(
-            f"no fault is identifiable in {FEWEST_RUNS} of the {used} runs that can be used; more runs are needed"
-        )
-    problems = [item.problem for item in history if item.problem]
-    return Outlook(trends, unit, len(history), problems, _verdict(trends, unit))
+        used = len(history) - len(problems)
+        few = f"{used} run(s) can be used, {FEWEST_RUNS} are the least for a trend"
+        none = f"no fault is identifiable in {FEWEST_RUNS} of the {used} runs that can be used; more runs are needed"
+        lost = f"; left out: {'; '.join(problems)}" if problems else ""
+        raise HarnessError(f"{few if used < FEWEST_RUNS else none}{lost}")
+    return Outlook(trends, unit, len(history), problems, _verdict(trends, unit), not_followed)
 
 
 def _verdict(trends: Mapping[str, Trend], unit: str) -> str:

@@ -38,6 +38,8 @@ def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str, ac
     kind = "over" if any(trend.health <= 0.0 for trend in outlook.trends.values()) else "near" if growing else "ok"
     problems = "".join(f"<li>{html.escape(line)}</li>" for line in outlook.problems)
     left_out = f"<h2>Runs left out</h2><ul>{problems}</ul>" if problems else ""
+    open_ = "".join(f"<li>{html.escape(line)}</li>" for line in outlook.not_followed)
+    left_out += f"<h2>Faults not followed</h2><ul>{open_}</ul>" if open_ else ""
     frequency = "How often the samples of the prediction reach the limit, over time, for each fault that grows."
     histogram = drawn(times_of_event(outlook), frequency, "low") if growing else ""
     events = f"<section><h2>Time of the event</h2>{histogram}</section>" if growing else ""
@@ -56,8 +58,10 @@ def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str, ac
 
 
 def figure(outlook: Outlook) -> go.Figure:
-    """A row for each fault, those that grow first."""
+    """A row for each fault, those that grow first, all over the same times."""
     trends = sorted(outlook.trends.values(), key=lambda trend: not trend.grows)
+    begin, end = min(float(trend.at[0]) for trend in trends), max(_end(trend) for trend in trends)
+    begin -= 0.02 * (end - begin)  # room for the first marker
     drawing = make_subplots(rows=len(trends), cols=1, vertical_spacing=0.45 / (len(trends) + 3))
     for row, trend in enumerate(trends, start=1):
         first = row == 1
@@ -81,7 +85,7 @@ def figure(outlook: Outlook) -> go.Figure:
         )  # fmt: skip
         drawing.add_hline(y=trend.limit, line={"color": "#d6321f", "dash": "dash", "width": 1.2}, row=row, col=1)
         drawing.update_yaxes(title_text=trend.fault.name, row=row, col=1)
-        drawing.update_xaxes(range=[float(trend.at[0]), _end(trend)], row=row, col=1)
+        drawing.update_xaxes(range=[begin, end], row=row, col=1)
     drawing.update_xaxes(title_text=f"Time [{outlook.unit}] (dashed: limit)", row=len(trends), col=1)
     drawing.update_layout(**LAYOUT)
     return drawing
@@ -102,10 +106,10 @@ def times_of_event(outlook: Outlook) -> go.Figure:
 
 
 def _end(trend: Trend) -> float:
-    """End of the time axis: when three quarters of the samples have reached the limit, or half the history later."""
-    life = trend.life(0.75)[0] if trend.grows else None
-    lasts = float(trend.at[-1] - trend.at[0])
-    return float(trend.at[-1]) + max(0.5 * lasts, min(life or 0.0, 4.0 * lasts))
+    """End of the time axis: when nearly all samples have reached the limit, or else where the prediction ends; but half the
+    history later at least."""
+    life = (trend.life(0.95)[0] or trend.horizon) if trend.grows else 0.0
+    return float(trend.at[-1]) + max(0.5 * float(trend.at[-1] - trend.at[0]), 1.05 * life)
 
 
 def _rounded(series: np.ndarray) -> list[float]:

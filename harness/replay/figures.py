@@ -18,7 +18,8 @@ LEAST_RATE = 50.0
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel, in `unit`, the one outside; `measured`, `twin`, and the twin `unshifted`, shape (n_rows,), at the rows.
+    """A channel, in `unit`, the one outside, with its own `rate` of rows a second; `measured`, `twin`, and the twin
+    `unshifted`, shape (n_rows,), at the log's rows.
 
     `shift` [s]: the twin's curve is taken so much later than the rows say, as far as a row's distance allows; `rms` of the
     difference after that, `nrmse`: over the measured range, `nrmse_20hz`: with both low-passed, None below 50 rows a second;
@@ -28,6 +29,7 @@ class Channel:
 
     name: str
     unit: str
+    rate: float
     rms: float
     nrmse: float
     nrmse_20hz: float | None
@@ -40,7 +42,7 @@ class Channel:
 
     def as_dict(self) -> dict[str, object]:
         """For JSON."""
-        names = ("unit", "rms", "nrmse", "nrmse_20hz", "nrmse_unshifted", "shift", "lag")
+        names = ("unit", "rate", "rms", "nrmse", "nrmse_20hz", "nrmse_unshifted", "shift", "lag")
         return {name: getattr(self, name) for name in names}
 
 
@@ -71,7 +73,8 @@ def nrmse(measured: Array, twin: Array) -> float:
 def nrmse_20hz(time: Array, measured: Array, twin: Array) -> float | None:
     """The same of both low-passed at LOW_PASS, forth and back, which shifts nothing; None below LEAST_RATE rows a second.
 
-    Rows of uneven times are interpolated onto even ones, and masked ones between their neighbours.
+    The rows are the channel's own; those of uneven times are interpolated onto even ones, and masked ones between their
+    neighbours, in both.
     """
     rate = 1.0 / float(np.median(np.diff(time)))
     if rate < LEAST_RATE * (1.0 - 1e-6):
@@ -79,7 +82,7 @@ def nrmse_20hz(time: Array, measured: Array, twin: Array) -> float | None:
     there = np.isfinite(measured)
     even = np.linspace(time[0], time[-1], round((time[-1] - time[0]) * rate) + 1)
     sections = butter(2, LOW_PASS, fs=rate, output="sos")
-    series = (np.interp(even, time[there], measured[there]), np.interp(even, time, twin))
+    series = [np.interp(even, time[there], each[there]) for each in (measured, twin)]
     pad = min(9, len(even) - 1)
     return nrmse(*(np.asarray(sosfiltfilt(sections, each, padlen=pad)) for each in series))
 

@@ -17,9 +17,13 @@ HEADS = ("Channel", "Unit", "Rms", "NRMSE", "at 20 Hz", "unshifted", "Shift", "L
 EXPLAINED = (
     ("rms, NRMSE", "of twin minus measured, at the shift that fits best; NRMSE over the measured range"),
     ("at 20 Hz", "the NRMSE of both low-passed at 20 Hz, forth and back; - below 50 rows a second"),
-    ("shift", "the rows show the twin so much later; rows more than 2 ms apart do not show when things happened"),
+    (
+        "shift",
+        "positive: the log shows what happens so much earlier than the twin; negative: later. Taken off before comparing, "
+        "where rows are more than 2 ms apart and do not show when things happened; a row's distance and 10 ms at most",
+    ),
     ("unshifted", "without that shift, which also hides a part of what a wrong loop does"),
-    ("lag", "the twin comes so much later than what was measured, sought up to 50 ms either way"),
+    ("lag", "the same, sought up to 50 ms either way and not taken off: positive, the twin is late; negative, it is early"),
     ("ratio", "rms of twin minus measured position over the rms of the measured tracking error"),
 )
 """What the heads mean."""

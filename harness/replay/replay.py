@@ -12,7 +12,7 @@ from harness.fidelity import Fidelity
 from harness.flight.twin import Twin
 from harness.logs.hints import percent
 from harness.logs.log import CHANNELS, Between, Log
-from harness.logs.observer import Observer, observer_of, shift_bound
+from harness.logs.observer import Observer, observer_of, shift_bounds
 from harness.logs.shown import Shown, shown, value_of
 from harness.logs.start import start_of
 from harness.logs.stimulus import trials_of
@@ -48,7 +48,7 @@ class Replay:
             "run": self.log.name,
             "group": self.log.group,
             "fidelity": self.fidelity,
-            "rate": self.log.rate,
+            "rate": _rate(self.log.rate),
             "rows": len(self.log.time),
             "command": self.between.value,
             "channels": {channel.name: channel.as_dict() for channel in self.channels},
@@ -78,7 +78,7 @@ def replay(
     start = _start(log, given)
     as_shown = [shown(name, names, log.output, given) for name in names]
     flown = {}
-    for between, trial in trials_of(log, beyond=shift_bound(log)).items():
+    for between, trial in trials_of(log, beyond=float(shift_bounds(log, names).max())).items():
         outputs = [port for port in ports.OUTPUTS if port.name in names]
         values, _ = twin.record(trial, merged(fidelity, {**start, **given}), outputs, on_progress=on_progress)
         places = [[port.name for port in outputs].index(name) for name in names]
@@ -92,7 +92,7 @@ def replay(
         between,
         flown[between],
         _tracking(flown[between], command),
-        (*log.remarks, *_between(flown, between), *remarks_of(log, flown[between], command, stop)),
+        (*log.remarks, *_between(flown, between), *remarks_of(log, names, flown[between], command, stop)),
         command,
     )
 
@@ -110,19 +110,22 @@ def _channels(
 ) -> tuple[Channel, ...]:
     data = np.column_stack([log.channels[name] for name in names])
     there = np.isfinite(data)
-    shifts = observer.aligned(values, data, there, shift_bound(log))
-    lags = observer.aligned(values, data, there, max(MOST_LAG, shift_bound(log)))
+    bounds = shift_bounds(log, names)
+    shifts = observer.aligned(values, data, there, bounds)
+    lags = observer.aligned(values, data, there, np.maximum(MOST_LAG, bounds))
     at_best, raw = observer.rows(values, shifts), observer.rows(values, np.zeros(len(names)))
     channels = []
     for place, own in enumerate(as_shown):
         measured, twin, unshifted = (own.scale * each[:, place] for each in (data, at_best, raw))
+        rows = log.rows_of(names[place])
         channels.append(
             Channel(
                 own.name,
                 own.unit,
+                _rate(log.rate_of(names[place])),
                 rms(twin - measured),
                 nrmse(measured, twin),
-                nrmse_20hz(log.time, measured, twin),
+                nrmse_20hz(log.time[rows], measured[rows], twin[rows]),
                 nrmse(measured, unshifted),
                 float(shifts[place]),
                 float(lags[place]),
@@ -132,6 +135,11 @@ def _channels(
             )
         )
     return tuple(channels)
+
+
+def _rate(rate: float) -> float:
+    """Without the last digits of times that are no binary fractions."""
+    return float(f"{rate:.9g}")
 
 
 def _tracking(channels: Sequence[Channel], command: Array) -> TrackingError | None:

@@ -6,6 +6,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from harness.errors import HarnessError
 from harness.files.containers.arrays import Array, table_of
 from harness.files.table import Table
@@ -41,14 +44,17 @@ def read(path: Path, data: bytes) -> Table:
             for index, channel in enumerate(group.channels):
                 if index == master_index:
                     continue
-                signal = file.get(group=place, index=index)
+                signal = file.get(group=place, index=index, ignore_invalidation_bits=True)
                 if signal.samples.dtype.kind in "biuf" and signal.samples.ndim == 1:
-                    arrays.append(
-                        Array(
-                            f"{before}{channel.name.replace('.', '_')}", signal.samples, signal.unit or "", f"{before}time"
-                        )
-                    )
+                    word = f"{before}{channel.name.replace('.', '_')}"
+                    arrays.append(Array(word, _valid(signal), signal.unit or "", f"{before}time"))
     return table_of(path, arrays)
+
+
+def _valid(signal: Any) -> NDArray[Any]:
+    """The samples, not a number where the file says that they are invalid."""
+    invalid = signal.invalidation_bits
+    return signal.samples if invalid is None or not np.any(invalid) else np.where(invalid, np.nan, signal.samples)
 
 
 def _require_whole(path: Path, data: bytes) -> None:

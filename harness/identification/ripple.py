@@ -1,0 +1,37 @@
+"""Whether the ripple of hysteresis control hides what a run could say."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from harness.identification.fit import Fit
+from harness.identification.measured import CURRENT, PHASES, Measured
+from harness.logs.shown import value_of
+
+BAND = "inverter.hysteresis"
+
+
+def ripple(found: Fit, measured: Measured, parameters: Mapping[str, float]) -> str:
+    """What is wrong with a run in whose rows the motion mostly needs less current than half the band of the hysteresis
+    control; empty if nothing is, or if no current was measured. `parameters`: those set, by port name."""
+    band = value_of(BAND, parameters)
+    needed = _needed(found, measured)
+    if needed is None or needed >= band:
+        return ""
+    return (
+        f"half of the time the motion needs less than {needed:.2g} A, within the ripple of the current "
+        f"(+-{band:g} A, {BAND}): a run with more load or acceleration says more"
+    )
+
+
+def _needed(found: Fit, measured: Measured) -> float | None:
+    """Median of the model's equivalent current in the rows that carry weight [A]; None without a current."""
+    names = list(measured.channels)
+    rows = measured.informative
+    for name in (CURRENT, "equivalent_current"):
+        if name in names:
+            return float(np.median(np.abs(found.predicted[rows, names.index(name)])))
+    if all(name in names for name in PHASES):
+        phases = found.predicted[rows][:, [names.index(name) for name in PHASES]]
+        return float(np.median(np.sqrt(2.0 / 3.0 * np.sum(phases**2, axis=1))))
+    return None
