@@ -142,8 +142,8 @@ VARIABLES: tuple[Variable, ...] = (
         "s",
         5e-7,
         (0.0, 1e-4),
-        "Both switches of a leg stay off for this time at each commutation",
-        unused_by=("ELF", "LF"),
+        "Both switches of a leg stay off for this time at each commutation (ELF: in saturation at a carrier)",
+        unused_by=("LF",),
     ),
     _parameter(
         "sensor.resolver_bits",
@@ -184,7 +184,7 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("initial.reference_current", "A", 0.0, (None, None), "Current reference before the first sample"),
     _parameter("initial.current_filtered", "A", 0.0, (None, None), "Filtered equivalent current at the start"),
     _parameter(
-        "initial.integral", "A", 0.0, (None, None), "Integral part of the controller at the start", unused_by=("LF",)
+        "initial.integral", "A", 0.0, (None, None), "Integral part of the controller at the start (LF: of the PID alone)"
     ),
     _parameter("fault.friction", "1", 1.0, (0.0, 20.0), "Scale of T_static and T_coulomb; healthy 1"),
     _parameter("fault.backlash", "1", 1.0, (0.0, 1000.0), "Scale of gear.backlash; healthy 1"),
@@ -319,6 +319,7 @@ VARIABLES: tuple[Variable, ...] = (
         1.0,
         (0.0, 2.0),
         "Field oriented: share of the cross voltage p*w*L*i fed forward",
+        unused_by=("LF",),
     ),
     _parameter("controller.current.emf_forward", "1", 1.0, (0.0, 2.0), "Field oriented: share of the back-EMF fed forward"),
     _choice(

@@ -94,6 +94,12 @@ def test_a_loop_that_rings_or_grows_is_refused(fidelity: str, K_p: float, K_i: f
     assert found is Status.LOOP
 
 
+@pytest.mark.parametrize("fidelity", ["HF", "ELF", "ELF+", "LF"])
+def test_a_dead_time_as_long_as_half_a_period_is_refused(fidelity: str) -> None:
+    assert Flight.tried(fidelity, {**VECTOR, "inverter.dead_time": 2.5e-5}) is Status.DEAD
+    assert isinstance(Flight.tried(fidelity, {**VECTOR, "inverter.dead_time": 2.4e-5}), Flight)
+
+
 # control laws
 
 

@@ -18,8 +18,9 @@ from ema_fmu_src.twins import Status
 FIDELITIES = ("HF", "ELF", "ELF+", "LF")
 SETS, GROUP = 500, 20
 STEPS, STEP = 10, 2e-4
-REFUSED = {Status.STIFF, Status.STUCK}
-DRAWN = [v for v in ports.PARAMETERS if not v.name.startswith("initial.") and v.kind != "Boolean"]
+REFUSED = {Status.STIFF, Status.STUCK, Status.LOOP, Status.DEAD}
+DRIVE = ("controller.current_control", "inverter.modulation")
+DRAWN = [v for v in ports.PARAMETERS if not v.name.startswith("initial.") and v.kind != "Boolean" and v.name not in DRIVE]
 
 
 def value(rng: np.random.Generator, variable: ports.Variable) -> float:
@@ -40,6 +41,13 @@ def drawn(seed: int) -> tuple[dict[str, float], float, float, float]:
     """Parameters (a third of the plain ones and most faults stay at their start), command, load and supply."""
     rng = np.random.default_rng(seed)
     parameters = {v.name: value(rng, v) for v in DRAWN if rng.random() > (0.7 if v.name.startswith("fault.") else 0.3)}
+    if rng.random() < 0.5:
+        parameters |= dict(zip(DRIVE, (2.0, float(rng.integers(2, 4))), strict=True))
+        parameters["controller.current.K_p"] = parameters.get("controller.current.K_p", 0.0) * float(
+            rng.random() < 0.2
+        )  # most loops by their bandwidth: they settle
+        half = 0.5 / parameters.get("inverter.carrier_frequency", 20e3)
+        parameters["inverter.dead_time"] = min(parameters.get("inverter.dead_time", 0.0), 0.5 * half)
     pairs = parameters.get("motor.p", 2.0)
     parameters["fault.zeta"] = min(parameters.get("fault.zeta", 0.0), 0.9 / pairs)
     command = float(rng.choice([-1.0, 1.0]) * np.exp(rng.uniform(math.log(1e-3), math.log(10.0))))

@@ -95,7 +95,8 @@ def _after_dead_time(legs, loop, u_j, i_j):
         return u_j
     f = 0.5 / loop.T
     most = legs.dead_time * f * legs.V_dc
-    return u_j - clamp(24.0 * legs.dead_time * f * f * loop.L * i_j, -most, most)
+    loss = clamp(24.0 * legs.dead_time * f * f * loop.L * i_j, -most, most)
+    return clamp(u_j - loss, -0.5 * legs.V_dc, 0.5 * legs.V_dc)
 
 
 @kernel

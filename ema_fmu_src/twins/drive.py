@@ -69,6 +69,8 @@ def derive(v, x):
     if ideal:
         return Status.OK
     loop = _loop(v)
+    if v[port.inverter.dead_time] >= loop.T:
+        return Status.DEAD
     response = current_loop.response(loop)
     if response.decay_1 < 0.0 or response.decay_2 < SLOWEST:
         return Status.LOOP
