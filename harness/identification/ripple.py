@@ -4,16 +4,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ema_fmu_src import ports
 from harness.identification.fit import Fit
 from harness.identification.measured import CURRENT, PHASES, Measured
 from harness.logs.shown import value_of
 
-BAND = "inverter.hysteresis"
+BAND, MODULATION = "inverter.hysteresis", "inverter.modulation"
+HYSTERESIS = float(ports.VARIABLES[ports.INDEX[MODULATION]].items["hysteresis"])
 
 
 def ripple(found: Fit, measured: Measured, parameters: Mapping[str, float]) -> str:
     """What is wrong with a run in whose rows the motion mostly needs less current than half the band of the hysteresis
-    control; empty if nothing is, or if no current was measured. `parameters`: those set, by port name."""
+    control; empty if nothing is, if no current was measured, or at a carrier, whose ripple does not depend on the motion.
+    `parameters`: those set, by port name."""
+    if value_of(MODULATION, parameters) != HYSTERESIS:
+        return ""
     band = value_of(BAND, parameters)
     needed = _needed(found, measured)
     if needed is None or needed >= band:
