@@ -1,5 +1,6 @@
 """Parameters that a user sets: checked against the ports, and merged with those of a fidelity."""
 
+import math
 from collections.abc import Mapping
 
 from ema_fmu_src import ports
@@ -8,6 +9,10 @@ from harness.errors import HarnessError, unknown
 from harness.units import quantity, split
 
 PORTS = "'ema ports' lists all"
+HERTZ = ("Hz", 0.5 / math.pi)
+"""The unit that a bandwidth [rad/s] may also be in, and what a value in it is divided by."""
+IDEAL, HYSTERESIS = 1.0, 1.0
+"""`controller.current_control` and `inverter.modulation` that go together; any other of the one goes with any of the other."""
 
 
 def merged(fidelity: Fidelity, given: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -63,7 +68,12 @@ def _parsed(variable: ports.Variable, text: str, where: str) -> float:
         return float(text)
     except ValueError:
         check_unit(variable, text, where)
-        return quantity(text, variable.unit, where)
+        return quantity(text, variable.unit, where, also_in(variable))
+
+
+def also_in(variable: ports.Variable) -> tuple[str, float] | None:
+    """The other unit that a value of `variable` may be in, and what a value in it is divided by; None if there is none."""
+    return HERTZ if variable.unit == "rad/s" and variable.name.endswith("bandwidth") else None
 
 
 def check_unit(variable: ports.Variable, text: str, where: str) -> None:
