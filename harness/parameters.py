@@ -11,8 +11,8 @@ from harness.units import quantity, split
 PORTS = "'ema ports' lists all"
 HERTZ = ("Hz", 0.5 / math.pi)
 """The unit that a bandwidth [rad/s] may also be in, and what a value in it is divided by."""
-IDEAL, HYSTERESIS = 1.0, 1.0
-"""`controller.current_control` and `inverter.modulation` that go together; any other of the one goes with any of the other."""
+PAIR = ("controller.current_control", "inverter.modulation")
+"""Ports of which the defaults go together, and any other item of the one with any other of the other."""
 
 
 def merged(fidelity: Fidelity, given: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -51,6 +51,19 @@ def check_together(values: Mapping[str, float], where: str = "") -> None:
     if pairs * zeta >= 1.0:
         before = f"{where}: " if where else ""
         raise HarnessError(f"{before}motor.p * fault.zeta = {pairs * zeta:g} is out of range, less than 1 is needed")
+
+
+def check_drive(values: Mapping[str, float], where: str) -> None:
+    """HarnessError, beginning with `where`, if current control and modulation do not go together; `values` are all that are
+    set, and the others at the ports' defaults."""
+    both = [ports.VARIABLES[ports.INDEX[name]] for name in PAIR]
+    chosen = [values.get(port.name, port.start) for port in both]
+    if (chosen[0] == both[0].start) != (chosen[1] == both[1].start):
+        one, other = (f"{port.name} = {port.text(value)}" for port, value in zip(both, chosen, strict=True))
+        raise HarnessError(
+            f"{where}: {one} does not go with {other}; ideal goes with hysteresis, field_oriented with sine_triangle or "
+            "space_vector"
+        )
 
 
 def _parsed(variable: ports.Variable, text: str, where: str) -> float:

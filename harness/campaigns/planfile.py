@@ -14,7 +14,7 @@ from harness.errors import HarnessError, unknown
 from harness.fidelity import parse_fidelities
 from harness.files.columns import read_numbers
 from harness.files.toml import flat, read_toml
-from harness.parameters import check_value, settable
+from harness.parameters import PAIR, check_drive, check_value, settable
 from harness.trials import Trial, trial
 
 KEYS = ("trials", "fidelities", "samples", "sampling", "seed", "ranges", "grid", "cases", "set", "noise", "outputs", "rate")
@@ -60,7 +60,10 @@ def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None =
     _check(plan, where)
     named = {*plan.ranges, *plan.grid, *plan.listed, *plan.fixed}
     own_values = {name: value for name, value in actuator.parameters.items() if name not in named}
-    return replace(plan, fixed={**plan.fixed, **own_values})
+    plan = replace(plan, fixed={**plan.fixed, **own_values})
+    if not {*plan.ranges, *plan.grid, *plan.listed}.intersection(PAIR):
+        check_drive(plan.fixed, where.get("set", "--set"))
+    return plan
 
 
 def _check(plan: Plan, where: Mapping[str, str]) -> None:
