@@ -13,8 +13,8 @@ ROTARY = ("gear.ratio", "mechanics.end_stop")
 KINDS = ("controller", "gear", "inverter")
 """Kinds of parameters that belong to each actuator, and whose defaults say nothing of another."""
 LOOP = ("motor.K_e", "controller.period", "mechanics.J")
-"""What the gain of the sampled speed loop is made of, beside the law's own gain: what a step of the speed changes of itself in
-a period. Filtered or not, a derivative of the position and a proportional part of the speed bear the same gain."""
+"""What the gain of the sampled speed loop is made of, beside the law's own: what a step of the speed changes of itself in a
+period. A derivative of the position, filtered or not, bears as much as a proportional part of the speed."""
 
 
 def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:

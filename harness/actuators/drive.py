@@ -49,8 +49,8 @@ class Loop:
     """The sampled current loop: gains `K` [V/A] and `K_i` [V/(A.s)], sampling period `T` [s], and its two poles [1/s], of
     which the samples' eigenvalues are exp(pole*T).
 
-    `stated`: the gains are those of the ports, and do not follow from the bandwidth. `settles`: both poles decay, and neither
-    rings from sample to sample; a loop that does not is refused by every fidelity.
+    `stated`: the gains are those of the ports, and do not follow from the bandwidth. `settles`: both poles decay, and
+    neither rings from sample to sample; a loop that does not is refused by every fidelity.
     """
 
     K: float
@@ -90,7 +90,7 @@ def _pole(z: complex, T: float) -> complex:
 
 @dataclass(frozen=True)
 class Cascade:
-    """The cascade that a PID is while no limit is active: K_pos [1/s], K_p [A.s/rad], K_i [A/rad], and the PID's b for it."""
+    """The cascade that a PID is while no limit is active: K_pos [1/s], K_p [A.s/rad], K_i [A/rad]; the PID's b for it."""
 
     K_pos: float
     K_p: float
@@ -138,4 +138,5 @@ def _currents(actuator: Actuator) -> str:
     carrier = 1e-3 * actuator.value("inverter.carrier_frequency")
     settled = "it settles" if loop.settles else "it does NOT settle, and no fidelity flies it"
     modulation = chosen(actuator.parameters, "inverter.modulation")
-    return f"field oriented {gains}, sampled at {1e-3 / loop.T:.4g} kHz, {modulation} at a carrier of {carrier:.4g} kHz; {settled}"
+    at = f"sampled at {1e-3 / loop.T:.4g} kHz, {modulation} at a carrier of {carrier:.4g} kHz"
+    return f"field oriented {gains}, {at}; {settled}"
