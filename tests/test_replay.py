@@ -174,7 +174,7 @@ LOGS = os.environ.get("EMA_BENCH_LOGS", "")
 @pytest.mark.skipif(not LOGS, reason="EMA_BENCH_LOGS names no folder of bench logs")
 @pytest.mark.parametrize("name, stroke", [("a-10mm", 0.01), ("a-1mm", 0.002)])
 def test_a_real_log_flown_with_data_sheet_values(name: str, stroke: float, fmus: dict[str, Path], tmp_path: Path) -> None:
-    """A bench log of the library's actuator, with nothing fitted: its strokes come out, in m, within a tenth."""
+    """A bench log of the library's actuator, with nothing fitted: its strokes come out, in m, within a hundredth."""
     columns = ["time=1 [ms]", "command=2 [mm] held", "position=4 [mm] motor", "equivalent_current=6 [mA]"]
     given = [part for column in columns for part in ("--column", column)]
     log, out = Path(LOGS) / f"{name}.txt", tmp_path / "replay.json"
@@ -182,7 +182,7 @@ def test_a_real_log_flown_with_data_sheet_values(name: str, stroke: float, fmus:
     result = CliRunner().invoke(app, [*call, "--out", str(tmp_path), "--json", str(out)])
     assert result.exit_code == 0, result.output
     found = json.loads(out.read_text())
-    assert found["channels"]["position"]["unit"] == "m" and found["channels"]["position"]["nrmse"] < 0.1
+    assert found["channels"]["position"]["unit"] == "m" and found["channels"]["position"]["nrmse"] < 0.01
     assert 0.1 * stroke < found["tracking_error"]["measured"] < stroke
 
 
