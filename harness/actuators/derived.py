@@ -11,7 +11,9 @@ from harness.actuators.drive import chosen, current_loop, is_oriented, is_pid
 SIX_STEPS = 2.0 / math.pi
 """Fundamental of six steps over the supply voltage."""
 _SINE = (1.0 / math.sqrt(3.0), "V/sqrt(3)")
-NO_LOAD = "K_e*w_0 = sqrt((2*V/pi)^2 - (p*w_0*L*I)^2) - R*I, I = (T_coulomb + C*w_0)/K_t, as LF; HF: up to 8 % more"
+NO_LOAD = "K_e*w_0 = sqrt((2*V/pi)^2 - (p*w_0*L*I)^2) - R*I, I = (T_coulomb + C*w_0)/K_t, as LF; HF: "
+MORE, LESS = "up to 8 % more", "up to 10 % less"
+"""Of HF with hysteresis, and at a carrier: as measured with the actuators of the library."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ def derived(actuator: Actuator) -> list[Derived]:
     found = [
         Derived("torque constant", K_t, "N.m/A", "K_t = 1.5*K_e"),
         Derived("saturation speed", V * share / K_e, "rad/s", f"{told}/K_e: the back-EMF alone takes all"),
-        Derived("no-load speed", w_0, "rad/s", NO_LOAD),
+        Derived("no-load speed", w_0, "rad/s", NO_LOAD + (LESS if is_oriented(actuator.parameters) else MORE)),
         Derived("no-load current", no_load_current(actuator), "A", "(T_coulomb + C*w_0)/K_t"),
         Derived("stall torque", T_v, "N.m", f"K_t*{told}/R, whatever the current"),
         Derived("stall torque at the current limit", T_i, "N.m", "K_t*current_limit, at most the stall torque"),
