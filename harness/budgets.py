@@ -13,7 +13,8 @@ import xarray as xr
 from ema_fmu_src import ports
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
 from harness.actuators.actuator import DEFAULT as ACTUATOR
-from harness.actuators.actuator import Output
+from harness.actuators.actuator import Actuator, Output
+from harness.actuators.drive import chosen, is_oriented
 from harness.comparison import Comparison
 from harness.errors import HarnessError
 from harness.files.reader import read_table
@@ -31,6 +32,11 @@ from harness.trials import BUILT_IN, trial
 
 ROTARY = ACTUATOR.output
 DEFAULT = Path(__file__).with_name("budgets.toml")
+ORIENTED = Path(__file__).with_name("budgets_oriented.toml")
+"""Those of the default actuator with a field-oriented drive and space vectors."""
+DRIVE = ("controller.current_control", "controller.current.bandwidth", "inverter.modulation")
+"""In what that one may differ from the default actuator, within BANDWIDTHS [rad/s]: 100 Hz to 2 kHz, and what rounds."""
+BANDWIDTHS = (2.0 * math.pi * 99.9, 2.0 * math.pi * 2001.0)
 PEAK_FACTOR = 5.0
 """A budget is an rms: single points may differ by so many budgets before the trajectory has left its tube."""
 
@@ -84,6 +90,17 @@ def read_budgets(path: Path = DEFAULT) -> Budgets:
     if problems:
         raise HarnessError("; ".join(f"{path}: {problem}" for problem in problems))
     return content
+
+
+def budgets_for(actuator: Actuator, parameters: Mapping[str, float]) -> Path | None:
+    """The file with the budgets of `actuator`, of which `parameters` are flown; None if there is none for it."""
+    if not is_oriented(parameters):
+        return DEFAULT if actuator.is_default else None
+    alike = all(actuator.value(name) == ACTUATOR.value(name) for name in actuator.parameters if name not in DRIVE)
+    vectors = chosen(parameters, "inverter.modulation") == "space_vector" and actuator.output.lead is None
+    low, high = BANDWIDTHS
+    bandwidth = parameters.get("controller.current.bandwidth", ACTUATOR.value("controller.current.bandwidth"))
+    return ORIENTED if alike and vectors and low <= bandwidth <= high else None
 
 
 def without_limits(budgets: Budgets) -> Budgets:

@@ -1,5 +1,6 @@
 """Parameters that a user sets: checked against the ports, and merged with those of a fidelity."""
 
+import math
 from collections.abc import Mapping
 
 from ema_fmu_src import ports
@@ -8,6 +9,10 @@ from harness.errors import HarnessError, unknown
 from harness.units import quantity, split
 
 PORTS = "'ema ports' lists all"
+HERTZ = ("Hz", 0.5 / math.pi)
+"""The unit that a bandwidth [rad/s] may also be in, and what a value in it is divided by."""
+PAIR = ("controller.current_control", "inverter.modulation")
+"""Ports of which the defaults go together, and any other item of the one with any other of the other."""
 
 
 def merged(fidelity: Fidelity, given: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -48,6 +53,19 @@ def check_together(values: Mapping[str, float], where: str = "") -> None:
         raise HarnessError(f"{before}motor.p * fault.zeta = {pairs * zeta:g} is out of range, less than 1 is needed")
 
 
+def check_drive(values: Mapping[str, float], where: str) -> None:
+    """HarnessError, beginning with `where`, if current control and modulation do not go together; `values` are all that are
+    set, and the others at the ports' defaults."""
+    both = [ports.VARIABLES[ports.INDEX[name]] for name in PAIR]
+    chosen = [values.get(port.name, port.start) for port in both]
+    if (chosen[0] == both[0].start) != (chosen[1] == both[1].start):
+        one, other = (f"{port.name} = {port.text(value)}" for port, value in zip(both, chosen, strict=True))
+        raise HarnessError(
+            f"{where}: {one} does not go with {other}; ideal goes with hysteresis, field_oriented with sine_triangle or "
+            "space_vector"
+        )
+
+
 def _parsed(variable: ports.Variable, text: str, where: str) -> float:
     """The value of `variable` that `text` means; HarnessError, beginning with `where`, if it means none."""
     words: Mapping[str, float] = {"true": 1.0, "false": 0.0} if variable.kind == "Boolean" else variable.items
@@ -63,7 +81,12 @@ def _parsed(variable: ports.Variable, text: str, where: str) -> float:
         return float(text)
     except ValueError:
         check_unit(variable, text, where)
-        return quantity(text, variable.unit, where)
+        return quantity(text, variable.unit, where, also_in(variable))
+
+
+def also_in(variable: ports.Variable) -> tuple[str, float] | None:
+    """The other unit that a value of `variable` may be in, and what a value in it is divided by; None if there is none."""
+    return HERTZ if variable.unit == "rad/s" and variable.name.endswith("bandwidth") else None
 
 
 def check_unit(variable: ports.Variable, text: str, where: str) -> None:

@@ -2,7 +2,8 @@
 
 By pint, with the units of units.txt. A dot or a middle dot between units multiplies, a number behind a unit is its power,
 and Nm, mNm/A, gcm2, U/min are read as on data sheets. Angles, counts and periods are dimensions: what becomes rad is an
-angle, what becomes rad/s an angle over a time; a count, a ratio or a frequency is refused with a word on what to write.
+angle, what becomes rad/s an angle over a time; a count, a ratio or a frequency is refused with a word on what to write. Only
+a bandwidth may be in Hz, too, for which its port asks (harness/parameters.py): it turns with no shaft.
 """
 
 import re
@@ -13,12 +14,14 @@ import pint
 
 from harness.errors import HarnessError
 
-_ALSO = {"N.m.s/rad": "N.m.s", "1/s": "rad/s"}
-"""Unit -> one that is the same without its radian, or with one, and is as usual."""
+_ALSO = {"N.m.s/rad": "N.m.s", "1/s": "rad/s", "1/turn": "count/turn"}
+"""Unit -> one that is the same without its radian or count, or with one, and is as usual."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 _FACTOR = re.compile(r"\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+(\S.*)", re.DOTALL)
 _TWO_WAYS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 _TURNS_A_MINUTE = re.compile(r"\b(?:Upm|(?:U|Umdr|Umdrehungen|r|tr)\.?\s*(?:/\s*[Mm]in\b\.?|[Mm]in\^?-1))")
+_OTHER_COUNTS = re.compile(r"pulse|ppr|inc|bit|byte|digit|line|edge|Hz|period", re.IGNORECASE)
+"""What may be a part, or a power, of the counts in a turn."""
 _SIGNS = {
     "°C": "degC", "º": "°", "˚": "°", "°F": "degF", "°": "deg", "\u03a9": "ohm", "\u2126": "ohm", "µ": "u", "μ": "u",
     "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "‰": "permille", "%": "percent",
@@ -40,14 +43,27 @@ def _registry() -> pint.UnitRegistry:
 
 
 @cache
-def conversion(unit: str, target: str, where: str) -> tuple[float, float]:
+def conversion(unit: str, target: str, where: str, also: tuple[str, float] | None = None) -> tuple[float, float]:
     """(scale, offset): a value in `unit`, times scale, plus offset, is the value in `target`.
 
-    `unit` may have a number before it, such as `0.01 deg`; empty, "-" and "1" are dimensionless. HarnessError, beginning
-    with `where` and ending with what to write, for a unit that is unknown or measures something else.
+    `unit` may have a number before it, such as `0.01 deg`; empty, "-" and "1" are dimensionless. `also`: another unit that
+    it may be in, and what a value in that unit is divided by to be in `target`. HarnessError, beginning with `where` and
+    ending with what to write, for a unit that is unknown, measures something else, or does not say what it counts.
     """
+    try:
+        return _conversion(unit, target, where)
+    except HarnessError:
+        if also is None:
+            raise
+    scale, offset = _conversion(unit, also[0], where)
+    return scale / also[1], offset / also[1]
+
+
+def _conversion(unit: str, target: str, where: str) -> tuple[float, float]:
     match = _FACTOR.fullmatch(unit)
     factor, bare = (float(match[1]), match[2]) if match else (1.0, unit)
+    if target == "1/turn" and _OTHER_COUNTS.search(bare):
+        raise HarnessError(f"{where}: [{unit}] can be read in two ways; write counts/turn, all edges of all tracks counted")
     for aim in (target, _ALSO.get(target, target)):
         try:
             zero, one = (_quantity(value, bare).to(_spelled(aim)).magnitude for value in (0.0, 1.0))
@@ -75,15 +91,15 @@ def split(text: str, target: str, where: str) -> tuple[float, str]:
     return float(match[1].replace(",", ".")), match[2].strip()
 
 
-def quantity(text: str, target: str, where: str) -> float:
-    """The number of `text`, a value with a unit or without (then it is in `target`), in `target`.
+def quantity(text: str, target: str, where: str, also: tuple[str, float] | None = None) -> float:
+    """The number of `text`, a value with a unit or without (then it is in `target`), in `target`; `also` as `conversion`.
 
     HarnessError, beginning with `where`, if it is no number, or as from `conversion`.
     """
     value, unit = split(text, target, where)
     if not unit:
         return value
-    scale, offset = conversion(unit, target, where)
+    scale, offset = conversion(unit, target, where, also)
     return value * scale + offset
 
 
@@ -141,9 +157,13 @@ def _mismatch(unit: str, bare: str, target: str) -> str:
         return f"[{unit}] is no angle, [{target}] is needed; state what one of it is, such as [0.01 deg]"
     if "[count]" in of and target in ("", "1"):
         return f"[{unit}] counts; a number without a unit is needed, or one in %"
+    if "[count]" in of and target == "1/turn":
+        return f"[{unit}] counts, but not by turns of the motor; write counts/turn"
     if "[count]" in of:
         return f"[{unit}] counts, [{target}] is needed; state what one of it is, such as [0.01 {target}]"
     told = f"[{unit}] does not measure what [{target}] does"
+    if "[period]" in missing:
+        return f"{told}; periods in a time are needed, such as [kHz]: 1 Hz is 6.2832 rad/s"
     without = {name: power for name, power in missing.items() if name != "[angle]"}
     if {name: power for name, power in of.items() if name != "[angle]"} == without:
         if angle and "min" in bare:

@@ -549,22 +549,108 @@ def test_derived_quantities_by_hand() -> None:
     assert found["stall torque at the output"] == pytest.approx(200 * 0.9 * (0.75 - 0.03))
 
 
-@pytest.mark.parametrize("name", ["default", "anaheim-bly171d", "maxon-linear-a", "maxon-linear-b"])
+@pytest.mark.parametrize("name", ["default", "default-oriented", "anaheim-bly171d", "maxon-linear-a", "maxon-linear-b"])
 def test_the_no_load_speed_is_that_of_the_twin(fmus: dict[str, Path], name: str) -> None:
-    """Truth: LF, which reaches the fundamental of six steps, at a command out of reach; HF gets some percent more."""
+    """Truth: LF, which reaches the fundamental of six steps, at a command out of reach; HF gets some percent more, at a
+    carrier less."""
     actuator = read_actuator(name)
     command = np.full(6001, 900.0)
     free = {"mechanics.end_stop": 1000.0, "controller.speed_limit": 1e5, "controller.K_pos": 1e3}
     speed = next(item.value for item in derived(actuator) if item.name == "no-load speed")
-    for model, more, width in (("LF", 1.0, 1e-4), ("HF", 1.04, 0.04)):
+    of_hf = (0.95, 0.06) if actuator.value("controller.current_control") == 2.0 else (1.04, 0.04)
+    for model, more, width in (("LF", 1.0, 1e-4), ("HF", *of_hf)):
         with Twin(fmus[model]) as twin:
             run = twin.run(Trial("away", 0.0, STEP, {"command": command}, ""), {**actuator.parameters, **free})
         assert float(run.motor_speed[-1]) == pytest.approx(more * speed, rel=width)
 
 
+# --- the drive ----------------------------------------------------------------------------------------------------------
+
+
+ORIENTED = "controller.current_control = 'field_oriented'\ninverter.modulation = 'space_vector'\n"
+
+
+def test_the_pid_is_shown_as_its_cascade(tmp_path: Path) -> None:
+    """K_P = K_pos*K_p + K_i, K_I = K_i*K_pos, K_D = K_p; real only where K_P^2 >= 4*K_D*K_I."""
+    from harness.actuators import drive
+
+    found = read_actuator(str(written(tmp_path, "[parameters]\ncontroller.structure = 'pid'\n")))
+    cascade = drive.as_cascade(found)
+    assert cascade is not None and vars(cascade) == pytest.approx({"K_pos": 40.0, "K_p": 1.3, "K_i": 10.0, "b": 52.0 / 62.0})
+    assert found.value("controller.pid.b") == pytest.approx(cascade.b)
+    assert "K_pos 40 1/s, K_p 1.3 A.s/rad, K_i 10 A/rad" in drive.lines(found)[0]
+    real = read_actuator("maxon-linear-a")
+    assert drive.as_cascade(real) is None and "as no cascade, because K_P^2 < 4*K_D*K_I" in drive.lines(real)[0]
+    assert "controller: K_pos" not in str(unstated_lines(real)) and not real.warnings
+
+
+@pytest.mark.parametrize(
+    "gains", ["", "current.K_p = 2\ncurrent.K_i = 500", "current.K_p = 1\ncurrent.K_i = 60000", "current.K_p = 60"]
+)
+def test_the_current_loop_is_that_of_the_twins(tmp_path: Path, gains: str) -> None:
+    """Truth: the twins' own gains and response, which decide whether they fly."""
+    from ema_fmu_src.physics import current_loop as twins
+    from harness.actuators import drive
+
+    lines = "".join(f"controller.{line}\n" for line in gains.splitlines())
+    found = read_actuator(str(written(tmp_path, f"[parameters]\n{ORIENTED}{lines}")))
+    R, L, T = 1.01, 0.7e-3, 0.5 / 20e3
+    loop = drive.current_loop(found)
+    names = ("bandwidth", "K_p", "K_i")
+    K, K_i = twins.gains(R, L, T, *(found.value(f"controller.current.{name}") for name in names))
+    assert (loop.K, loop.K_i, loop.T) == pytest.approx((K, K_i, T))
+    of = twins.response(twins.Loop(K, K_i, T, R, L, 0.05, 1.0, 1.0))
+    assert loop.settles == (of.decay_1 >= 0.0 and of.decay_2 >= -1e-6)
+    assert ("it settles" if loop.settles else "does NOT settle") in drive.lines(found)[1]
+    if loop.settles:
+        assert sorted(-pole.real for pole in loop.poles) == pytest.approx(
+            sorted([of.decay_1, of.decay_2]), rel=1e-3, abs=1e-6
+        )
+        assert abs(loop.poles[0].imag) == pytest.approx(of.turning, abs=1e-6)
+        assert as_dict(found, None)["drive"]["current_loop"]["settles"]  # type: ignore[index]
+
+
+@pytest.mark.parametrize("text", [ORIENTED.splitlines()[0], ORIENTED.splitlines()[1]])
+def test_what_does_not_go_together_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    from harness.campaigns.planfile import read_plan
+    from harness.cli.options import chosen_parameters
+
+    with pytest.raises(HarnessError, match=r"does not go with .*; ideal goes with hysteresis") as refused:
+        read_actuator(str(written(tmp_path, f"[parameters]\n{text}")))
+    assert "mine.toml: controller.current_control = " in str(refused.value) and "\n" not in str(refused.value)
+    name, value = text.replace("'", "").split(" = ")
+    with pytest.raises(HarnessError, match=r"^--set: controller\.current_control = "):
+        chosen_parameters(DEFAULT, [f"{name}={value}"])
+    with pytest.raises(HarnessError, match=r"^--set: controller\.current_control = "):
+        read_plan(None, {"set": {name: value}})
+    assert chosen_parameters(read_actuator("default-oriented"), [f"{name}={value}"])[name] > 1.0
+
+
+def test_budgets_are_those_of_the_drive_that_flies() -> None:
+    from dataclasses import replace
+
+    from harness.budgets import BANDWIDTHS, budgets_for, read_budgets
+    from harness.budgets import DEFAULT as IDEAL
+    from harness.budgets import ORIENTED as OF_CARRIER
+
+    one = read_actuator("default-oriented")
+    assert budgets_for(DEFAULT, {}) == IDEAL and budgets_for(one, one.parameters) == OF_CARRIER
+    assert (
+        budgets_for(DEFAULT, one.parameters) == OF_CARRIER and read_budgets(OF_CARRIER)["SIN4"]["ELF+"]["position"] == 1e-3
+    )
+    assert budgets_for(read_actuator("maxon-linear-a"), read_actuator("maxon-linear-a").parameters) is None
+    for port, value in {
+        "controller.current.bandwidth": 2.0 * BANDWIDTHS[1], "inverter.modulation": 2.0, "motor.R": 2.0
+    }.items():  # fmt: skip
+        other = replace(one, parameters={**one.parameters, port: value})
+        assert budgets_for(other, other.parameters) is None
+
+
 # --- the library --------------------------------------------------------------------------------------------------------
 
-SCALE = {"default": 0.1, "siemens-1ft6084": 20.0, "anaheim-bly171d": 0.5, "maxon-linear-a": 0.005, "maxon-linear-b": 0.005}
+SCALE = {"default": 0.1, "default-oriented": 0.1, "siemens-1ft6084": 20.0, "anaheim-bly171d": 0.5} | {
+    "maxon-linear-a": 0.005, "maxon-linear-b": 0.005
+}  # fmt: skip
 """Amplitude of a sine of 1 Hz at each actuator's own scale, in its unit outside."""
 ALLOWED = {"HF": 0.0, "ELF": 1e-3, "ELF+": 1e-3, "LF": 5e-3}
 """NRMSE of position against HF, in this trial."""
@@ -598,7 +684,8 @@ def test_the_library_flies_in_every_fidelity(fmus: dict[str, Path], name: str) -
     for fidelity in FIDELITIES.values():
         with Twin(fmus["HF"].parent / fidelity.fmu) as twin:
             runs[fidelity.name] = run = twin.run(trial, merged(fidelity, actuator.parameters))
-        lag = 2.0 * math.pi / actuator.value("controller.K_pos")
+        pid = actuator.value("controller.structure") == 2.0  # acts on the error alone, derivative too: hardly any lag
+        lag = 0.01 if pid else 2.0 * math.pi / actuator.value("controller.K_pos")
         error = np.sqrt(float(((run.command - run.position) ** 2).mean())) / float(amplitude)
         assert error < 1.2 * lag / math.sqrt(2.0)
         found = {item.variable: item.nrmse for item in compare(run, runs["HF"], names=(fidelity.name, "HF"))}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flight import Flight
 
-from harness.bench import cases, evolution, overhead, peers, speed
+from harness.bench import cases, drive, evolution, overhead, peers, speed
 from harness.bench.peers import scipy_hf
 from harness.bench.speed import REFERENCE, Check
 from harness.cli import main
@@ -38,6 +38,15 @@ def test_one_run_gives_table_page_and_json(
     page = (tmp_path / "bench.html").read_text()
     assert "LOAD-STEP" in page and "http://" not in page.split("</script>")[-1]
     assert "Limits that this project sets itself" in capsys.readouterr().out
+
+
+def test_drives_are_flown_beside_each_other(fmus: dict[str, Path]) -> None:
+    found = drive.measure(fmus["HF"].parent, ["SIN", "CHIRP"], repeats=1)
+    assert [(item.trial, item.case) for item in found] == [("SIN", case) for case in drive.CASES]
+    assert found[0].error is None and 0.0 < (found[1].error or 0.0) < drive.ALLOWED["SIN"] and found[2].error is not None
+    assert all(item.ratio == pytest.approx(item.oriented / item.default) for item in found)
+    checks = list(drive.checks(found))
+    assert len(checks) == 4 and [check.limit for check in checks] == [0.67, 1.25, drive.ALLOWED["SIN"], 1.4]
 
 
 def test_identification_is_judged_case_by_case(

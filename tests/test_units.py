@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from harness.errors import HarnessError
+from harness.parameters import parse_settings
 from harness.units import conversion, is_unit, quantity
 
 RPM = 2.0 * math.pi / 60.0
@@ -47,6 +48,18 @@ CONVERTED = {
     ("mΩ", "Ohm"): 1e-3,
     ("µH", "H"): 1e-6,
     ("%", "1"): 1e-2,
+    ("kHz", "Hz"): 1e3,
+    ("counts/turn", "1/turn"): 1.0,
+    ("count/rev", "1/turn"): 1.0,
+    ("1/turn", "1/turn"): 1.0,
+    ("mA/rad", "A/rad"): 1e-3,
+    ("A/deg", "A/rad"): 180.0 / math.pi,
+    ("A/(rad.s)", "A/(rad.s)"): 1.0,
+    ("A/rad/s", "A/(rad.s)"): 1.0,
+    ("mA.s2/rad", "A.s2/rad"): 1e-3,
+    ("A.s/rad", "A.s/rad"): 1.0,
+    ("Ohm", "V/A"): 1.0,
+    ("V/(A.ms)", "V/(A.s)"): 1e3,
 }
 
 
@@ -81,6 +94,13 @@ REFUSED = {
     ("Mrad", "rad"): r"not a known unit",
     ("MA", "A"): r"not a known unit",
     ("9**9**9**9", "m"): r"not a known unit",
+    ("rad/s", "Hz"): r"periods in a time are needed, such as \[kHz\]: 1 Hz is 6.2832 rad/s",
+    ("1/s", "Hz"): r"periods in a time are needed",
+    ("counts", "1/turn"): r"not by turns of the motor; write counts/turn",
+    ("pulses/turn", "1/turn"): r"in two ways; write counts/turn",
+    ("bit", "1/turn"): r"in two ways; write counts/turn",
+    ("A", "A/rad"): r"an angle is missing in it",
+    ("A.s", "A.s/rad"): r"an angle is missing in it",
 }
 
 
@@ -89,6 +109,22 @@ def test_what_is_refused_says_what_to_write(unit: str, target: str) -> None:
     with pytest.raises(HarnessError, match=REFUSED[unit, target]) as refused:
         conversion(unit, target, "here")
     assert str(refused.value).startswith("here: ") and "\n" not in str(refused.value)
+
+
+def test_a_bandwidth_may_be_in_hertz_and_no_speed_may() -> None:
+    """An Hz of a bandwidth is 2*pi rad/s; of a speed it may be electrical, or a frequency of anything."""
+    found = parse_settings(["controller.current.bandwidth=1 kHz", "inverter.carrier_frequency=20 kHz"])
+    assert found["controller.current.bandwidth"] == pytest.approx(2e3 * math.pi)
+    assert found["inverter.carrier_frequency"] == 20e3
+    assert parse_settings(["controller.current.bandwidth=6283 rad/s"]) == {"controller.current.bandwidth": 6283.0}
+    for setting, told in {
+        "controller.speed_limit=100 Hz": "counts periods",
+        "controller.current.bandwidth=1000 1/s": "periods in a time are needed",
+        "inverter.carrier_frequency=125664 rad/s": "periods in a time are needed",
+        "sensor.counts=48 counts": "write counts/turn",
+    }.items():
+        with pytest.raises(HarnessError, match=told):
+            parse_settings([setting])
 
 
 @pytest.mark.parametrize("text", ["6,480 rpm", "1,234", "6 480 rpm", "6.480,5 rpm", "6'480 rpm"])

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from ema_fmu_src import ports
 from harness.actuators.actuator import Output
+from harness.actuators.drive import idle, is_oriented, is_pid
 
 SHORTEST, LONGEST = 1e-4, 0.5
 """Leads [m a turn] between which screws lie."""
@@ -11,8 +12,9 @@ ROTARY = ("gear.ratio", "mechanics.end_stop")
 """Parameters whose defaults are those of a rotary actuator: with a lead they give another machine."""
 KINDS = ("controller", "gear", "inverter")
 """Kinds of parameters that belong to each actuator, and whose defaults say nothing of another."""
-LOOP = ("motor.K_e", "controller.K_p", "controller.period", "mechanics.J")
-"""What the gain of the sampled speed loop is made of: what a step of the speed changes of itself in a period."""
+LOOP = ("motor.K_e", "controller.period", "mechanics.J")
+"""What the gain of the sampled speed loop is made of, beside the law's own: what a step of the speed changes of itself in a
+period. A derivative of the position, filtered or not, bears as much as a proportional part of the speed."""
 
 
 def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:
@@ -23,13 +25,14 @@ def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:
         lines.append(
             f"mechanics.T_static {T_static:g} N.m is less than mechanics.T_coulomb {T_coulomb:g} N.m: is it left out?"
         )
-    K_e, K_p, period, J = (_value(parameters, name) for name in LOOP)
-    if (gain := 1.5 * K_e * K_p * period / J) >= 2.0:
+    K_e, period, J = (_value(parameters, name) for name in LOOP)
+    law = "pid.K_d" if is_pid(parameters) else "K_p"
+    if (gain := 1.5 * K_e * _value(parameters, f"controller.{law}") * period / J) >= 2.0:
         lines.append(
-            f"K_t*K_p*period/J = {gain:.3g}: the sampled speed loop is unstable from 2 on; is controller.K_p too high?"
+            f"K_t*{law}*period/J = {gain:.3g}: the sampled speed loop is unstable from 2 on; is controller.{law} too high?"
         )
     band, current = _value(parameters, "inverter.hysteresis"), T_coulomb / (1.5 * K_e)
-    if 0.0 < current < band:
+    if 0.0 < current < band and not is_oriented(parameters):
         lines.append(
             f"inverter.hysteresis {band:g} A is more than the {current:.3g} A that friction needs (T_coulomb/K_t): in slow "
             "runs HF's ripple hides what is to be measured; state a narrower one"
@@ -42,8 +45,12 @@ def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:
 
 
 def unstated(parameters: Mapping[str, float]) -> dict[str, list[str]]:
-    """What nobody stated of the kinds that are each actuator's own: kind -> its ports, which keep the default actuator's."""
-    names = [port.name for port in ports.PARAMETERS if port.name not in parameters]
+    """What nobody stated of the kinds that are each actuator's own: kind -> its ports, which keep the default actuator's.
+
+    Ports that the drive does not use are not among them.
+    """
+    unused = idle(parameters)
+    names = [port.name for port in ports.PARAMETERS if port.name not in parameters and port.name not in unused]
     found = {kind: [name for name in names if name.startswith(f"{kind}.")] for kind in KINDS}
     return {kind: listed for kind, listed in found.items() if listed}
 

@@ -7,7 +7,7 @@ from harness.actuators.actuator import Actuator, Output
 from harness.actuators.doubts import doubts
 from harness.actuators.values import Stated, checked_name, stated_for, stated_lead
 from harness.errors import HarnessError
-from harness.parameters import check_together, settable
+from harness.parameters import check_drive, check_together, settable
 
 SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
 SSC = "{http://ssp-standard.org/SSP1/SystemStructureCommon}"
@@ -37,6 +37,7 @@ def read_ssv(path: Path) -> Actuator:
         raise HarnessError(f"{path}: no parameters; an ssv:ParameterSet with ssv:Parameter in it is needed")
     parameters = {name: found.value for name, found in values.items()}
     check_together(parameters, str(path))
+    check_drive(parameters, str(path))
     name = root.get("name", "")
     name = (root.get("description") if name in ("", INITIAL) else name) or path.stem
     name = checked_name(name, f"{path}, name")

@@ -15,7 +15,7 @@ from harness.actuators.values import Stated, checked_name, stated, stated_for, s
 from harness.errors import HarnessError, unknown
 from harness.faults import checked_limit
 from harness.files.toml import flat, read_toml
-from harness.parameters import check_together, settable
+from harness.parameters import check_drive, check_together, settable
 
 TABLES = ("parameters", "sheet", "output", "log", "limits", "calibration", "provenance")
 KEYS = ("name", "description", *TABLES)
@@ -47,6 +47,7 @@ def read_actuator_toml(path: Path) -> Actuator:
     )
     parameters = {port: found.value for port, found in values.items()}
     check_together(parameters, str(path))
+    check_drive(parameters, str(path))
     actuator = Actuator(
         name=checked_name(_text(content, "name", path) or path.stem, f"{path}, name"),
         description=_text(content, "description", path),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError
-from harness.parameters import check_unit, check_value
+from harness.parameters import also_in, check_unit, check_value
 from harness.units import conversion, split
 
 LEAST_LEAD, MOST_LEAD = 1e-6, 1e3
@@ -73,16 +73,7 @@ def _number(given: float, where: str) -> float:
 
 
 def _conversion(given: str, unit: str, where: str, outside: tuple[str, float] | None) -> tuple[float, float]:
-    """Scale and offset from the unit `given` to `unit`, if need be by way of the unit `outside`."""
-    if not given:
-        return 1.0, 0.0
-    try:
-        return conversion(given, unit, where)
-    except HarnessError:
-        if outside is None:
-            raise
-        scale, offset = conversion(given, outside[0], where)
-        return scale / outside[1], offset / outside[1]
+    return conversion(given, unit, where, outside) if given else (1.0, 0.0)
 
 
 def _finite(value: float, given: str, where: str) -> float:
@@ -129,6 +120,6 @@ def stated_for(variable: ports.Variable, given: object, output: Output, where: s
         if isinstance(given, str):
             check_unit(variable, PLUS_MINUS.split(given)[0], where)
         own, scale = output.unit(variable.name), output.scale(variable.name)
-        found = stated(given, variable.unit, where, outside=(own, scale) if own != variable.unit else None)
+        found = stated(given, variable.unit, where, outside=(own, scale) if own != variable.unit else also_in(variable))
     check_value(variable, found.value, where)
     return found

@@ -124,13 +124,13 @@ def measure(
 
         for name in trials:
             runs = {mode: fly(name, mode) for mode in MODES}
-            walls = [{mode: _wall(run) for mode, run in runs.items()}]
-            walls += [{mode: _wall(fly(name, mode)) for mode in MODES} for _ in range(repeats - 1)]
+            walls = [{mode: wall(run) for mode, run in runs.items()}]
+            walls += [{mode: wall(fly(name, mode)) for mode in MODES} for _ in range(repeats - 1)]
             for mode, run in runs.items():
-                wall = statistics.median(of[mode] for of in walls)
+                median = statistics.median(of[mode] for of in walls)
                 relative = statistics.median(of[mode] / of["HF"] for of in walls)
                 errors = {} if mode == REFERENCE else errors_of(run, runs[REFERENCE])
-                speed.rows.append(Row(name, mode, wall, relative, errors))
+                speed.rows.append(Row(name, mode, median, relative, errors))
         for name, changes in (("SIN4", tuple(CHANGES)), ("SIN", FAULTY), ("STEP-RAMP", FAULTY)):
             for change in changes if name in trials and actuator.is_default else ():
                 reference = fly(name, REFERENCE, CHANGES[change])
@@ -139,7 +139,8 @@ def measure(
     return speed
 
 
-def _wall(run: xr.Dataset) -> float:
+def wall(run: xr.Dataset) -> float:
+    """Wall time per simulated second [s] of a run."""
     return float(run.attrs["wall_s"] / run.attrs["simulated_s"])
 
 

@@ -15,7 +15,7 @@ from harness.faults import FAULTS
 from harness.fidelity import parse_fidelities
 from harness.files.columns import read_numbers
 from harness.files.toml import flat, read_toml
-from harness.parameters import check_value, settable
+from harness.parameters import PAIR, check_drive, check_value, settable
 from harness.trials import Trial, trial
 
 KEYS = ("trials", "fidelities", "samples", "sampling", "seed", "ranges", "grid", "cases", "set", "noise", "outputs", "rate")
@@ -63,6 +63,8 @@ def read_plan(path: Path | None, options: Mapping[str, Any], own: Trial | None =
     own_values = {name: value for name, value in actuator.parameters.items() if name not in named}
     plan = replace(plan, fixed={**plan.fixed, **own_values})
     _check_effects(plan, where)
+    if not {*plan.ranges, *plan.grid, *plan.listed}.intersection(PAIR):
+        check_drive(plan.fixed, where.get("set", "--set"))
     return plan
 
 

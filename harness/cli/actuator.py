@@ -42,6 +42,7 @@ def show(
     Contradictions in what is stated are warnings on stderr.
     """
     from ema_fmu_src.fidelities import FIDELITIES
+    from harness.actuators import drive
     from harness.files import results
     from harness.flight.tryout import refusals
     from harness.show import actuator as shown
@@ -56,6 +57,8 @@ def show(
     show_table(
         "What follows, healthy", shown.DERIVED_HEADS, shown.derived_rows(chosen), words=("Unit", "Formula"), wide=FOLDED
     )
+    for line in drive.lines(chosen):
+        typer.echo(line)
     show_table("Fidelities", shown.FLIGHT_HEADS, shown.flight_rows(told), words=("Flies",), wide=FOLDED)
     for title, table in (("log", chosen.log), ("limits", chosen.limits)):
         if table:

@@ -38,8 +38,9 @@ def check(
 ) -> None:
     """Check every fidelity against its budget of the reference; exit code 0 within, 1 outside, 2 could not run.
 
-    The budgets that come with the package are those of the default actuator. Another one (--actuator) is flown and its
-    errors are told, exit code 1 if a fidelity failed; it is held to budgets where --budgets gives its own.
+    The budgets that come with the package are those of the default actuator, with its own drive and with a field-oriented
+    one. Another one (--actuator) is flown and its errors are told, exit code 1 if a fidelity failed; it is held to budgets
+    where --budgets gives its own.
     """
     from harness import budgets as budgeting
     from harness.files import results
@@ -48,10 +49,11 @@ def check(
     from harness.trials import trial
 
     chosen = chosen_actuator(actuator)
-    allowed = budgeting.read_budgets(budgets or budgeting.DEFAULT)
-    if budgets is None and not chosen.is_default:
-        allowed = budgeting.without_limits(allowed)
     parameters = chosen_parameters(chosen, settings)
+    own = budgets or budgeting.budgets_for(chosen, parameters)
+    allowed = budgeting.read_budgets(own or budgeting.DEFAULT)
+    if own is None:
+        allowed = budgeting.without_limits(allowed)
     for line in small([trial(name) for name in allowed], chosen):
         typer.echo(line, err=True)
     if not time_limit > 0.0:

@@ -78,10 +78,11 @@ def chosen_actuator(name: str | None) -> "Actuator":
 
 def chosen_parameters(actuator: "Actuator", settings: list[str] | None) -> dict[str, float]:
     """The parameters of `actuator`, over which those of `--set` win; HarnessError as from `parse_settings`."""
-    from harness.parameters import check_together, parse_settings
+    from harness.parameters import check_drive, check_together, parse_settings
 
     parameters = {**actuator.parameters, **parse_settings(settings or [])}
     check_together(parameters, "--set")
+    check_drive(parameters, "--set")
     return parameters
 
 

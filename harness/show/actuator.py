@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ema_fmu_src import ports
+from harness.actuators import drive
 from harness.actuators.actuator import Actuator
 from harness.actuators.derived import derived
 from harness.actuators.doubts import unstated
@@ -57,13 +58,38 @@ def unstated_lines(actuator: Actuator) -> list[str]:
 
 def _with_unit(actuator: Actuator, name: str) -> str:
     """The value of a parameter in its unit outside."""
-    unit = actuator.output.unit(name)
+    unit, port = actuator.output.unit(name), ports.VARIABLES[ports.INDEX[name]]
+    if port.items:
+        return port.text(actuator.value(name))
     return f"{actuator.value(name) * actuator.output.scale(name):.4g}{'' if unit == '1' else f' {unit}'}"
 
 
 def derived_rows(actuator: Actuator) -> list[tuple[str, ...]]:
     """A row of texts for each derived quantity, under DERIVED_HEADS."""
     return [(item.name, f"{item.value:.5g}", item.unit, item.formula) for item in derived(actuator)]
+
+
+def drive_as_dict(actuator: Actuator) -> dict[str, object]:
+    """What the drive is, for JSON: the Enumerations' items, the current loop if it is a sampled one, the PID's cascade if it
+    has one."""
+    given = actuator.parameters
+    loop = drive.current_loop(actuator) if drive.is_oriented(given) else None
+    cascade = drive.as_cascade(actuator) if drive.is_pid(given) else None
+    return {
+        "structure": drive.chosen(given, "controller.structure"),
+        "current_control": drive.chosen(given, "controller.current_control"),
+        "modulation": drive.chosen(given, "inverter.modulation"),
+        "cascade": None if cascade is None else vars(cascade),
+        "current_loop": None
+        if loop is None
+        else {
+            "K": loop.K,
+            "K_i": loop.K_i,
+            "T": loop.T,
+            "poles": [[pole.real, pole.imag] for pole in loop.poles],
+            "settles": loop.settles,
+        },
+    }
 
 
 def flight_rows(refusals: Mapping[str, str]) -> list[tuple[str, ...]]:
@@ -89,6 +115,7 @@ def as_dict(actuator: Actuator, refusals: Mapping[str, str] | None) -> dict[str,
         "derived": {
             item.name: {"value": item.value, "unit": item.unit, "formula": item.formula} for item in derived(actuator)
         },
+        "drive": drive_as_dict(actuator),
         "flies": None if refusals is None else {name: not reason for name, reason in refusals.items()},
         "refusals": None if refusals is None else {name: reason for name, reason in refusals.items() if reason},
         "warnings": list(actuator.warnings),

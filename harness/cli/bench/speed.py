@@ -1,7 +1,7 @@
 """`ema bench`, `ema bench speed`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -14,11 +14,13 @@ from harness.errors import HarnessError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from harness.bench.drive import Beside
     from harness.bench.overhead import Overhead
     from harness.bench.page import Table
     from harness.bench.peers import Peer
     from harness.bench.speed import Check, Speed
 
+T = TypeVar("T")
 OVERHEAD_OF = ("ELF+", "LF")
 """Fidelities for which the overhead of the master is measured."""
 
@@ -34,12 +36,13 @@ def speed(
 ) -> None:
     """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run.
 
-    Another actuator (--actuator) is timed and its errors are told; peers, overhead and limits are the default one's.
+    Another actuator (--actuator) is timed and its errors are told; peers, overhead, limits and the comparison of drives are
+    the default one's.
     """
     import shlex
     import sys
 
-    from harness.bench import overhead
+    from harness.bench import drive, overhead
     from harness.bench import speed as timing
     from harness.bench.page import page
     from harness.bench.peers import measure as measure_peers
@@ -62,12 +65,20 @@ def speed(
         timing.count_runs(names, repeats, chosen),
     )
     own = chosen.is_default
+    beside = (
+        _with_progress(
+            lambda on_run: drive.measure(folder, names, repeats=repeats, on_run=on_run), drive.count_runs(names, repeats)
+        )
+        if own
+        else []
+    )
     added = [overhead.measure(folder, name) for name in OVERHEAD_OF if own]
     peer_times = measure_peers() if peers and own else []
-    found = [*timing.checks(measured), *map(_overhead_check, added)] if own else []
+    found = [*timing.checks(measured), *drive.checks(beside), *map(_overhead_check, added)] if own else []
     tables = [
         _speed_table(measured),
         _changed_table(measured),
+        _drive_table(beside),
         _overhead_table(added),
         _peer_table(peer_times),
         check_table(found),
@@ -83,6 +94,7 @@ def speed(
             "actuator": chosen.identity,
             "rows": [vars(row) for row in measured.rows],
             "changed": [dict(zip(("change", "trial", "mode"), key, strict=True)) | e for key, e in measured.changed.items()],
+            "drive": [vars(item) for item in beside],
             "overhead": [item.as_dict() for item in added],
             "peers": [vars(peer) for peer in peer_times],
             "checks": [check.as_dict() for check in found],
@@ -90,7 +102,7 @@ def speed(
         results.write_json(json_file, content)
 
 
-def _with_progress(run: "Callable[[Callable[[str], None]], Speed]", total: int) -> "Speed":
+def _with_progress(run: "Callable[[Callable[[str], None]], T]", total: int) -> "T":
     with progress() as shown:
         task = shown.add_task("starting", total=total)
         return run(lambda text: shown.update(task, description=text, advance=1))
@@ -131,6 +143,16 @@ def _changed_table(speed: "Speed") -> "Table":
 
     rows = [(*key, *(_percent(errors[name]) for name in VARIABLES)) for key, errors in speed.changed.items()]
     return "One parameter changed", ("Change", "Trial", "Fidelity", "position", "motor_speed", "current, filtered"), rows
+
+
+def _drive_table(found: "list[Beside]") -> "Table":
+    rows: list[tuple[str, ...]] = [
+        (item.trial, item.case, f"{1e3 * item.default:.3f}", f"{1e3 * item.oriented:.3f}", f"{item.ratio:.3f}",
+         "reference" if item.error is None else _percent(item.error))
+        for item in found
+    ]  # fmt: skip
+    heads = ("Trial", "Fidelity", "default drive, ms / s", "field oriented, ms / s", "ratio", "position against HF")
+    return "The field-oriented drive at a carrier of 20 kHz beside the default one", heads, rows
 
 
 def _overhead_table(added: "list[Overhead]") -> "Table":
