@@ -130,8 +130,8 @@ def test_the_folder_of_the_default_fmus_is_kept(monkeypatch: pytest.MonkeyPatch,
 def test_export_puts_the_parameters_into_the_ssp(
     fmus: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """libcosim, which applies the set that is bound, then gets what FMPy gets with these parameters; it knows no Enumerations,
-    by which the drive of the linear one is chosen, so that it gets another."""
+    """libcosim, which applies the set that is bound, then gets what FMPy gets with these parameters. It knows no
+    Enumerations, by which the drive of the linear one is chosen: so, it gets another."""
     monkeypatch.setattr("harness.fidelity.FMU_DIR", fmus["HF"].parent)
     actuator = read_actuator(NAME)
     assert ema(monkeypatch, "export", tmp_path, "--actuator", NAME) == 0
