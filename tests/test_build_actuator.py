@@ -25,6 +25,8 @@ from harness.flight.twin import Twin
 from harness.trials import trial
 
 NAME = "maxon-linear-a"
+PLAIN = "anaheim-bly171d"
+"""An actuator whose parameter set holds no Enumeration."""
 MODELS = ("ELF", "LF")
 
 
@@ -128,7 +130,8 @@ def test_the_folder_of_the_default_fmus_is_kept(monkeypatch: pytest.MonkeyPatch,
 def test_export_puts_the_parameters_into_the_ssp(
     fmus: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """libcosim, which applies the set that is bound, then gets what FMPy gets with these parameters."""
+    """libcosim, which applies the set that is bound, then gets what FMPy gets with these parameters. It knows no
+    Enumerations, by which the drive of the linear one is chosen: so, it gets another."""
     monkeypatch.setattr("harness.fidelity.FMU_DIR", fmus["HF"].parent)
     actuator = read_actuator(NAME)
     assert ema(monkeypatch, "export", tmp_path, "--actuator", NAME) == 0
@@ -137,8 +140,14 @@ def test_export_puts_the_parameters_into_the_ssp(
     assert "1 rad of the user shaft is 0.000795774715 m of the rod, and 1 N.m of load_torque 1256.63706 N" in told
     assert (tmp_path / "EMA_HF.fmu").read_bytes() == fmus["HF"].read_bytes()
     assert read_actuator(str(tmp_path / f"{NAME}.ssv")).sha256 == actuator.sha256
-    unpacked = tmp_path / "unpacked"
-    subprocess.run([sys.executable, "-m", "zipfile", "-e", str(tmp_path / SSP), str(unpacked)], check=True)
-    worn = read_actuator(str(unpacked / "resources" / "worn.ssv"))
+    worn = read_actuator(str(unpacked(tmp_path) / "resources" / "worn.ssv"))
     assert worn.parameters == {**actuator.parameters, "fault.friction": 2.0, "fault.backlash": 50.0}
-    assert libcosims(unpacked, {}) == fmpys(fmus["HF"], actuator.parameters)
+    plain = read_actuator(PLAIN)
+    assert ema(monkeypatch, "export", tmp_path / "plain", "--actuator", PLAIN) == 0
+    assert libcosims(unpacked(tmp_path / "plain"), {}) == fmpys(fmus["HF"], plain.parameters)
+
+
+def unpacked(folder: Path) -> Path:
+    """What is in the SSP in a folder."""
+    subprocess.run([sys.executable, "-m", "zipfile", "-e", str(folder / SSP), str(folder / "unpacked")], check=True)
+    return folder / "unpacked"
