@@ -271,9 +271,7 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("controller.pid.K_p", "A/rad", 62.0, (0.0, 1e6), "PID: proportional gain, motor side"),
     _parameter("controller.pid.K_i", "A/(rad.s)", 400.0, (0.0, 1e8), "PID: integral gain, motor side"),
     _parameter("controller.pid.K_d", "A.s/rad", 1.3, (0.0, 1e3), "PID: derivative gain, motor side"),
-    _parameter(
-        "controller.pid.T_f", "s", 1e-4, (0.0, 10.0), "PID: filter of the derivative (LF has none)", unused_by=("LF",)
-    ),
+    _parameter("controller.pid.T_f", "s", 1e-4, (0.0, 10.0), "PID: filter of the derivative"),
     _parameter("controller.pid.b", "1", 52.0 / 62.0, (0.0, 10.0), "PID: weight of the command in the proportional part"),
     _parameter("controller.pid.c", "1", 0.0, (0.0, 10.0), "PID: weight of the command in the derivative", nominal=1.0),
     _parameter("controller.feedforward_speed", "A.s/rad", 0.0, (0.0, 1e3), "Feed-forward of the commanded motor speed"),

@@ -7,7 +7,7 @@ L di/dt = v - R_eq*i - e, T_m = 1.5*K_e*f*i; tau = 1e-4 s (ours), trapezoidal ru
 With controller.current_control = field_oriented i follows as in the q axis of the sampled current loop, v is limited by
 inverter.utilisation times the six-step voltage.
 Controller: I_ref = clamp(K_p*(w_ref - w), +-current_limit), at each step of LF's own: no integral, no period; or the PID
-without sampling.
+at the same steps, with the filter that its sampling is.
 Mechanics: J dw/dt = T_m - C*w - T_L - T_f, Borello friction, end stops, backlash.
 
 Covers: faults of friction, backlash, turns, eccentricity, gain, jam, magnet, resistance in the mean and in the leading
