@@ -8,10 +8,12 @@ angle, what becomes rad/s an angle over a time; a count, a ratio or a frequency 
 import re
 from functools import cache
 from pathlib import Path
-
-import pint
+from typing import TYPE_CHECKING
 
 from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    import pint
 
 _ALSO = {"N.m.s/rad": "N.m.s", "1/s": "rad/s"}
 """Unit -> one that is the same without its radian, or with one, and is as usual."""
@@ -35,7 +37,9 @@ _UNKNOWN = {
 
 
 @cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> "pint.UnitRegistry":
+    import pint  # here, for it takes longer to import than to show a command's help
+
     return pint.UnitRegistry(str(Path(__file__).with_name("units.txt")), autoconvert_offset_to_baseunit=True)
 
 
@@ -46,12 +50,14 @@ def conversion(unit: str, target: str, where: str) -> tuple[float, float]:
     `unit` may have a number before it, such as `0.01 deg`; empty, "-" and "1" are dimensionless. HarnessError, beginning
     with `where` and ending with what to write, for a unit that is unknown or measures something else.
     """
+    from pint import DimensionalityError
+
     match = _FACTOR.fullmatch(unit)
     factor, bare = (float(match[1]), match[2]) if match else (1.0, unit)
     for aim in (target, _ALSO.get(target, target)):
         try:
             zero, one = (_quantity(value, bare).to(_spelled(aim)).magnitude for value in (0.0, 1.0))
-        except pint.DimensionalityError:
+        except DimensionalityError:
             continue
         except Exception:  # noqa: BLE001 (pint passes on what its tokenizer raises)
             advice = _advice_on(bare) or f"write one such as {target or '%'}"
