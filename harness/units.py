@@ -9,10 +9,12 @@ a bandwidth may be in Hz, too, for which its port asks (harness/parameters.py): 
 import re
 from functools import cache
 from pathlib import Path
-
-import pint
+from typing import TYPE_CHECKING
 
 from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    import pint
 
 _ALSO = {"N.m.s/rad": "N.m.s", "1/s": "rad/s", "1/turn": "count/turn"}
 """Unit -> one that is the same without its radian or count, or with one, and is as usual."""
@@ -38,7 +40,9 @@ _UNKNOWN = {
 
 
 @cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> "pint.UnitRegistry":
+    import pint  # here, for it takes longer to import than to show a command's help
+
     return pint.UnitRegistry(str(Path(__file__).with_name("units.txt")), autoconvert_offset_to_baseunit=True)
 
 
@@ -60,6 +64,8 @@ def conversion(unit: str, target: str, where: str, also: tuple[str, float] | Non
 
 
 def _conversion(unit: str, target: str, where: str) -> tuple[float, float]:
+    from pint import DimensionalityError
+
     match = _FACTOR.fullmatch(unit)
     factor, bare = (float(match[1]), match[2]) if match else (1.0, unit)
     if target == "1/turn" and _OTHER_COUNTS.search(bare):
@@ -67,7 +73,7 @@ def _conversion(unit: str, target: str, where: str) -> tuple[float, float]:
     for aim in (target, _ALSO.get(target, target)):
         try:
             zero, one = (_quantity(value, bare).to(_spelled(aim)).magnitude for value in (0.0, 1.0))
-        except pint.DimensionalityError:
+        except DimensionalityError:
             continue
         except Exception:  # noqa: BLE001 (pint passes on what its tokenizer raises)
             advice = _advice_on(bare) or f"write one such as {target or '%'}"

@@ -2,9 +2,7 @@
 
 import json
 import re
-import subprocess
 import sys
-import time
 import zipfile
 from pathlib import Path
 
@@ -13,8 +11,6 @@ import pytest
 
 from ema_fmu_src import ports
 from harness.cli import main
-
-HELP = "import sys; from harness.cli import main; sys.argv = ['ema', '--help']; main()"
 
 
 def _ema(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[int, str, str]:
@@ -29,12 +25,6 @@ def _csv(folder: Path, text: str) -> str:
     path = folder / "own.csv"
     path.write_text(text)
     return str(path)
-
-
-def test_help_comes_at_once() -> None:
-    began = time.perf_counter()
-    subprocess.run([sys.executable, "-c", HELP], check=True, capture_output=True)
-    assert time.perf_counter() - began < 3.0
 
 
 def test_run_writes_json_trajectories_and_page(

@@ -57,9 +57,9 @@ def test_a_position_on_the_motor_is_the_users_unless_that_is_there():
 
 
 def test_a_shift_near_its_bound_is_named_and_none_without_a_bound():
-    (line,) = at_bounds(["position", "equivalent_current"], [0.0098, 0.002], 0.01)
+    (line,) = at_bounds(["position", "equivalent_current"], [0.0098, 0.002], [0.01, 0.01])
     assert line.startswith("position is shifted in time by 9.8 ms")
-    assert not at_bounds(["position"], [0.0], 0.0)
+    assert not at_bounds(["position"], [0.0], [0.0])
 
 
 @pytest.mark.parametrize(

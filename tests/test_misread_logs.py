@@ -205,7 +205,7 @@ def test_invalid_samples_of_one_channel_are_missing(tmp_path: Path) -> None:
 
 
 def test_too_few_runs_are_counted_as_they_are() -> None:
-    nothing = {name: SimpleNamespace(identifiable=False) for name in FAULTS}
+    nothing = {name: SimpleNamespace(identifiable=False, effect=True) for name in FAULTS}
     flights = [Flight(Path(f"{k}.csv"), str(k), float(k)) for k in range(3)]
     history = [IdentifiedFlight(each, nothing, "") for each in flights[:2]]  # type: ignore[arg-type]
     history.append(IdentifiedFlight(flights[2], {}, "2.csv: the file is empty"))
