@@ -44,6 +44,21 @@ IN_MOTION = {
     "initial.current_filtered": 0.3,
     "initial.integral": 0.2,
 }
+SOLD = {
+    "controller.structure": 2.0,
+    "controller.pid.c": 0.5,
+    "controller.feedforward_speed": 0.1,
+    "controller.current_control": 2.0,
+    "controller.current.decoupling": 0.8,
+    "controller.current.emf_forward": 0.2,
+    "inverter.modulation": 3.0,
+    "inverter.carrier_frequency": 16.3e3,
+    "inverter.utilisation": 0.98,
+    "sensor.counts": 2000.0,
+    "mechanics.T_asymmetry": 0.005,
+}
+"""A PID, a field-oriented current loop, a carrier that divides no controller period."""
+TRIANGLE = {"controller.current_control": 2.0, "inverter.modulation": 2.0, "inverter.minimum_pulse": 1e-6}
 UNEVEN = 1.3e-4
 """A communication step [s] that is no multiple of any inner one, so that most points lie within a step."""
 
@@ -92,6 +107,9 @@ def cases() -> Iterator[Case]:
         yield Case("SIN", fidelity, "in motion", IN_MOTION)
         yield Case("LOAD-STEP", fidelity, "faulted", FAULTED, step=UNEVEN)
         yield Case("CHIRP", fidelity, ramps=True, step=UNEVEN)
+        yield Case("SIN4", fidelity, "sold", SOLD)
+        yield Case("LOAD-STEP", fidelity, "sold and faulted", {**SOLD, **FAULTED}, step=UNEVEN)
+        yield Case("SIN4", fidelity, "triangle", TRIANGLE, ramps=True)
     yield Case("SIN", "HF", "broken", BROKEN)
     yield Case("LOAD-STEP", "HF", "broken", BROKEN)
     yield Case("STEP-RAMP", "HF", "fixed step", {"solver.event_located": 0.0, "solver.step": 2e-6})
