@@ -13,6 +13,19 @@ from ema_fmu_src.fidelities import fmu_name
 from ema_fmu_src.fmu.build import RUNTIMES, build
 
 
+SLOWEST = (
+    "test_hosts", "test_examples", "test_campaign", "test_identify", "test_monitor", "test_packing", "test_build_actuator",
+    "test_slow_logs", "test_rippled", "test_check", "test_bench", "test_bits", "test_drive", "test_python_runtime", "test_cli",
+)  # fmt: skip
+"""Files that take a minute and more, the longest first: begun last, they would leave all processes but one idle."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The slowest files first, the others as they are."""
+    order = {name: place for place, name in enumerate(SLOWEST)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(order)))
+
+
 def _built_once(tmp_path_factory: pytest.TempPathFactory, runtime: str) -> dict[str, Path]:
     """FMUs in a folder that all processes of a run (pytest-xdist) share: the first to come builds them."""
     base = tmp_path_factory.getbasetemp()
