@@ -19,11 +19,10 @@ def alike(value: float) -> Abc:
 GAINS = cascade.Gains(
     K_motor=40.0 * 200.0, speed_limit=2000.0, K_p=1.3, K_i=10.0, K_d=0.0, T_d=1e-3, T_c=1e-4, current_limit=10.0
 )
-NONE = derivative.Forward(0.0, 0.0)
 
 
 def remembered(xi: float) -> derivative.Memory:
-    return derivative.Memory(xi, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return derivative.Memory(xi, 0.0, 0.0, 0.0)
 
 
 def test_sincos_agrees_with_the_c_library():
@@ -108,7 +107,7 @@ def test_controller_limits_and_does_not_wind_up():
     assert cascade.speed_reference(GAINS, 1.0, 0.0) == 2000.0
 
     def sampled(w_ref: float, xi: float) -> tuple[float, float]:
-        I_ref, memory = cascade.sampled(GAINS, NONE, w_ref / GAINS.K_motor, 0.0, 0.0, 0.0, remembered(xi))
+        I_ref, memory = cascade.sampled(GAINS, 0.0, w_ref / GAINS.K_motor, 0.0, 0.0, remembered(xi))
         return I_ref, memory.xi
 
     assert sampled(100.0, 0.5) == (10.0, 0.5)
@@ -121,7 +120,7 @@ def test_the_carrying_integral_makes_the_next_sample_go_on(I_ref):
     """By its definition: with it, the cascade's next sample has the I_ref that it was made from."""
     position, w = 0.1, 10.0
     xi = cascade.carrying_integral(GAINS, 0.101, position, w, I_ref)
-    assert cascade.sampled(GAINS, NONE, 0.101, 0.0, position, w, remembered(xi))[0] == pytest.approx(I_ref, rel=1e-12)
+    assert cascade.sampled(GAINS, 0.0, 0.101, position, w, remembered(xi))[0] == pytest.approx(I_ref, rel=1e-12)
 
 
 def test_healthy_shape_functions_are_one():

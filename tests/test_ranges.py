@@ -18,7 +18,7 @@ from ema_fmu_src.twins import Status
 FIDELITIES = ("HF", "ELF", "ELF+", "LF")
 SETS, GROUP = 500, 20
 STEPS, STEP = 10, 2e-4
-REFUSED = {Status.STIFF, Status.STUCK, Status.LOOP, Status.DEAD}
+REFUSED = {Status.STIFF, Status.STUCK, Status.LOOP, Status.PULSE}
 DRIVE = ("controller.current_control", "inverter.modulation")
 DRAWN = [v for v in ports.PARAMETERS if not v.name.startswith("initial.") and v.kind != "Boolean" and v.name not in DRIVE]
 

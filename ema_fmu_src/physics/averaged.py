@@ -188,7 +188,7 @@ def step(loop, passage, legs, plant, sensors, frames, I_ref, xi, i, senses, h):
 
 
 @kernel
-def independent(loop, passage, plant, sensors, frames, I_ref, xi, i, senses, R, N, V_dc, h):
+def independent(loop, passage, legs, plant, sensors, frames, I_ref, xi, i, senses, R, N, h):
     """Plain ELF's: the healthy loop's currents, each phase limited on its own (the paper, Eq. 1); returns as `step`."""
     f = frames
     i_dq = to_frame(reference.measured(i, sensors) if senses else i, f.s_0, f.c_0)
@@ -196,7 +196,8 @@ def independent(loop, passage, plant, sensors, frames, I_ref, xi, i, senses, R, 
     i_ref = to_phases(aimed.i, f.s_1, f.c_1)
     if senses:
         i_ref = reference.shown_as(i_ref, sensors)
-    driven = voltage_limit.independent(i, i_ref, plant.e, R, N, plant.phases, V_dc, h)
+    i_ref = inverter.without_switch(i_ref, legs.open_side)
+    driven = voltage_limit.independent(i, i_ref, plant.e, R, N, plant.phases, 2.0 * legs.top, h)
     if not driven.limited:
         return driven, carried_on(passage, aimed, xi)
     j_dq = to_frame(driven.i, f.s_1, f.c_1)

@@ -84,6 +84,8 @@ _ALL = (
     Symbol("current_limit", "A", "limit of the current reference", source="ours", port="controller.current_limit"),
     Symbol("I_ref", "A", "current reference", "clamp(K_p*(w_ref - w) + xi, +-current_limit)", "ours", "reference_current"),
     Symbol("memory", "", "derivative.Memory"),
+    Symbol("last", "", "derivative.Commanded"),
+    Symbol("ahead", "A", "feed-forward", "derivative.ahead", "ours"),
     Symbol("forward", "", "derivative.Forward"),
     Symbol("K_d", "A.s2/rad", "gain of the derivative; PID: A.s/rad", port="controller.K_d"),
     Symbol("T_d", "s", "filter of the speed error's derivative", source="ours", port="controller.T_d"),

@@ -2,10 +2,11 @@
 
 from typing import NamedTuple
 
-from ..physics import current_loop, inverter, monitor, sensor
+from ..physics import averaged, current_loop, inverter, sensor
 from ..physics.averaged import Legs
 from ..physics.controller import cascade, derivative, pid
 from ..physics.current_loop import Loop, Passage, Response
+from ..physics.frame import Dq, to_frame
 from ..physics.jit import kernel
 from ..physics.modulator import carrier, reference
 from ..physics.phases import Abc
@@ -69,8 +70,8 @@ def derive(v, x):
     if ideal:
         return Status.OK
     loop = _loop(v)
-    if v[port.inverter.dead_time] >= loop.T:
-        return Status.DEAD
+    if v[port.inverter.dead_time] >= loop.T or v[port.inverter.minimum_pulse] >= 0.5 * loop.T:
+        return Status.PULSE
     response = current_loop.response(loop)
     if response.decay_1 < 0.0 or response.decay_2 < SLOWEST:
         return Status.LOOP
@@ -86,9 +87,10 @@ def derive(v, x):
 def start(v, x):
     """The drive at time 0: its current loop has settled, and its sensors show what is."""
     if is_oriented(v):
-        loop = read_loop(x)
-        q = monitor.quadrature_current(Abc(x[now.i_a], x[now.i_b], x[now.i_c]), x[now.s], x[now.c])
-        x[now.xi_q] = loop.R * q + (1.0 - loop.emf_forward) * loop.K_e * x[now.w]
+        loop, i = read_loop(x), to_frame(Abc(x[now.i_a], x[now.i_b], x[now.i_c]), x[now.s], x[now.c])
+        left = (1.0 - loop.decoupling) * v[port.motor.p] * x[now.w] * loop.L
+        x[now.xi_d] = loop.R * i.d - left * i.q
+        x[now.xi_q] = loop.R * i.q + left * i.d + (1.0 - loop.emf_forward) * loop.K_e * x[now.w]
     show(v, x, x[now.theta], Abc(x[now.i_a], x[now.i_b], x[now.i_c]), x[now.s], x[now.c])
 
 
@@ -133,6 +135,21 @@ def passage(x, loop, h):
         x[derived.response_M_xx], x[derived.response_M_xy], x[derived.response_M_yx],
     )  # fmt: skip
     return current_loop.over(loop, response, h)
+
+
+@kernel
+def idle(v, x, i, w, h):
+    """The current loop over a step h in which the supply is too low to switch: xi follows no voltage, at the currents i."""
+    loop = read_loop(x)
+    xi = averaged.followed(loop, passage(x, loop, h), w, v[port.motor.p] * w, Dq(x[now.xi_d], x[now.xi_q]), Dq(0.0, 0.0), i)
+    x[now.xi_d], x[now.xi_q] = xi
+
+
+@kernel
+def lag(v):
+    """The current loop's lag [s], by its bandwidth or, of stated gains, L/K_p."""
+    K_p = v[port.controller.current.K_p]
+    return v[port.motor.L] / K_p if K_p > 0.0 else 1.0 / v[port.controller.current.bandwidth]
 
 
 @kernel
@@ -205,35 +222,42 @@ def show(v, x, motor_position, i, s, c):
     x[law.motor_position] = motor_position
     if x[derived.senses] != 0.0:
         i = reference.measured(i, sensors(v))
-    x[law.q] = monitor.quadrature_current(i, s, c)
+    x[law.q] = to_frame(i, s, c).q
 
 
 @kernel
 def _memory(x):
     """What the control law remembers."""
-    return derivative.Memory(x[now.xi], x[law.D], x[law.e_d], x[law.r], x[law.dr], x[law.samples])
+    return derivative.Memory(x[now.xi], x[law.D], x[law.e_d], x[law.begun])
 
 
 @kernel
 def _remember(x, memory):
-    x[now.xi], x[law.D], x[law.e_d], x[law.r], x[law.dr], x[law.samples] = memory
+    x[now.xi], x[law.D], x[law.e_d], x[law.begun] = memory
 
 
 @kernel
-def _forward(v):
-    return derivative.Forward(v[port.controller.feedforward_speed], v[port.controller.feedforward_acceleration])
+def _ahead(v, x, r, w, T):
+    """Feed-forward, by the command's change over T [s]."""
+    forward = derivative.Forward(v[port.controller.feedforward_speed], v[port.controller.feedforward_acceleration])
+    if forward.speed == 0.0 and forward.acceleration == 0.0:
+        return 0.0
+    last = derivative.Commanded(x[law.r], x[law.dr], x[law.samples])
+    u, last = derivative.ahead(forward, last, r, w, T)
+    x[law.r], x[law.dr], x[law.samples] = last
+    return u
 
 
 @kernel
-def cascade_gains(v, x, K_i, T_c):
-    """The cascade's gains with their fault; `K_i` and `T_c` [s] as the twin takes them."""
+def cascade_gains(v, x, K_i, T_d, T_c):
+    """The cascade's gains with their fault; `K_i`, and `T_d` and `T_c` [s], as the twin takes them."""
     return cascade.Gains(
         x[derived.K_motor],
         v[port.controller.speed_limit],
         v[port.controller.K_p],
         K_i,
         v[port.controller.K_d],
-        v[port.controller.T_d],
+        T_d,
         T_c,
         v[port.controller.current_limit],
     )
@@ -257,13 +281,14 @@ def _pid_gains(v):
 @kernel
 def control(v, x, t, seen, w):
     """The controller's sample at time `t` [s], by the control law: writes and returns I_ref, and what it remembers."""
-    command = host.input_at(v, x, inputs.command, t)
+    command, T_c = host.input_at(v, x, inputs.command, t), v[port.controller.period]
     r = v[port.gear.ratio] * command
+    ahead = _ahead(v, x, r, w, T_c)
     if v[port.controller.structure] == PID:
-        I_ref, memory = pid.sampled(_pid_gains(v), _forward(v), r, seen.motor_position, w, _memory(x))
+        I_ref, memory = pid.sampled(_pid_gains(v), ahead, r, seen.motor_position, w, _memory(x))
     else:
-        gains = cascade_gains(v, x, v[port.controller.K_i], v[port.controller.period])
-        I_ref, memory = cascade.sampled(gains, _forward(v), command, r, seen.position, w, _memory(x))
+        gains = cascade_gains(v, x, v[port.controller.K_i], v[port.controller.T_d], T_c)
+        I_ref, memory = cascade.sampled(gains, ahead, command, seen.position, w, _memory(x))
     _remember(x, memory)
     x[now.I_ref] = I_ref
     return I_ref
@@ -271,15 +296,19 @@ def control(v, x, t, seen, w):
 
 @kernel
 def control_continuously(v, x, t, h):
-    """LF's: the control law at time `t` [s] in its form without sampling, h [s] since the last look. The cascade's has no
-    integral."""
-    command = host.input_at(v, x, inputs.command, t)
+    """LF's: the control law at time `t` [s] at a step h of its own, with the filters that its sampling in effect is; the
+    cascade has no integral. The command's change is looked at once a controller period: all that of a command that is held
+    in steps would else fall into one step of LF's, and be limited."""
+    command, T_c = host.input_at(v, x, inputs.command, t), v[port.controller.period]
     r = v[port.gear.ratio] * command
+    since_look = t - x[law.looked] if x[law.samples] > 0.0 else T_c
+    if since_look >= T_c * (1.0 - 1e-6):
+        x[law.ahead], x[law.looked] = _ahead(v, x, r, x[now.w], since_look), t
     if v[port.controller.structure] == PID:
-        I_ref, memory = pid.continuous(_pid_gains(v), _forward(v), r, x[now.theta], x[now.w], h, _memory(x))
+        I_ref, memory = pid.continuous(_pid_gains(v), x[law.ahead], r, x[now.theta], x[now.w], h, _memory(x))
     else:
-        gains = cascade_gains(v, x, 0.0, h)
-        without = derivative.Memory(0.0, x[law.D], x[law.e_d], x[law.r], x[law.dr], x[law.samples])
-        I_ref, memory = cascade.sampled(gains, _forward(v), command, r, x[now.position], x[now.w], without)
+        gains = cascade_gains(v, x, 0.0, max(0.0, v[port.controller.T_d] + 0.5 * (T_c - h)), h)
+        without = derivative.Memory(0.0, x[law.D], x[law.e_d], x[law.begun])
+        I_ref, memory = cascade.sampled(gains, x[law.ahead], command, x[now.position], x[now.w], without)
     _remember(x, memory)
     x[now.I_ref] = I_ref

@@ -16,7 +16,7 @@ Does not cover: the current ripple, quantised sensors; the dead time, but where 
 """
 
 from ..physics import averaged, inverter, monitor, stability, voltage_limit, windings
-from ..physics.frame import Dq
+from ..physics.frame import Dq, to_frame
 from ..physics.jit import kernel
 from ..physics.modulator import reference
 from ..physics.phases import three_phases
@@ -105,7 +105,7 @@ def _orientedly(v, x, i, e, w, frames, V_dc, h):
         )
     else:
         driven, xi = averaged.independent(
-            loop, passage, plant, sensors, frames, x[now.I_ref], xi, i, senses, R, N, V_dc * v[port.inverter.utilisation], h
+            loop, passage, drive.legs(v, V_dc), plant, sensors, frames, x[now.I_ref], xi, i, senses, R, N, h
         )
     x[now.xi_d], x[now.xi_q] = xi
     return driven
@@ -132,6 +132,8 @@ def _step(v, x, t, h):
         driven = _orientedly(v, x, i, e, w_ahead, frames, V_dc, h)
     else:
         driven = _ideally(v, x, i, _asked(v, x, x[now.I_ref] if live else 0.0, s_end, c_end), e, V_dc, h)
+        if drive.is_oriented(v):
+            drive.idle(v, x, to_frame(driven.i_mean, s, c), w_ahead, h)
 
     i, v_legs = driven.i_mean, driven.v
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, i), load, h)

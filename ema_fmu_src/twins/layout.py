@@ -35,7 +35,10 @@ LAW = (
     State("e_d", "rad", "what it is the derivative of, at the last sample; cascade: rad/s"),
     State("r", "rad", "commanded motor position at the last sample"),
     State("dr", "rad", "its change then"),
-    State("samples", "1", "samples so far, at most 2"),
+    State("samples", "1", "samples so far, at most 2; LF: its looks at the command"),
+    State("begun", "1", "1: there has been a sample"),
+    State("ahead", "A", "LF: feed-forward at the last look at the command"),
+    State("looked", "s", "LF: when that was"),
     State("motor_position", "rad", "measured motor position at the last sample"),
     State("q", "A", "measured quadrature current at the last sample"),
 )

@@ -45,7 +45,7 @@ def _publish(v, x, t):
     """
     if v[port.controller.structure] != drive.PID:
         command = host.input_at(v, x, inputs.command, t)
-        gains = drive.cascade_gains(v, x, 0.0, x[clock.step])
+        gains = drive.cascade_gains(v, x, 0.0, 0.0, x[clock.step])
         x[now.xi] = cascade.carrying_integral(gains, command, x[now.position], x[now.w], x[now.I_ref])
     return actuator.publish(v, x, t)
 
@@ -55,7 +55,7 @@ def initialize(v, x):
     """Start at time 0; returns a Status."""
     K_e, J = v[port.motor.K_e], v[port.mechanics.J]
     longest = stability.for_currents(v[port.solver.step], K_e, J, 0.0, v[port.motor.L])
-    lag = 1.0 / v[port.controller.current.bandwidth] if drive.is_oriented(v) else single_phase.TAU
+    lag = drive.lag(v) if drive.is_oriented(v) else single_phase.TAU
     if v[port.controller.structure] == drive.PID:
         K_d = v[port.controller.pid.K_d]
         longest = stability.for_loop(longest, 1.5 * K_e * K_d / J, lag)
@@ -112,6 +112,8 @@ def _step(v, x, t, h):
     else:
         change = single_phase.ideal_change(i, x[now.I_ref] if live else 0.0, h)
         driven = single_phase.current(i, change, K_f * w_ahead, R_eq, v[port.motor.L], V_dc, p * motion.w, h)
+        if drive.is_oriented(v):
+            drive.idle(v, x, Dq(0.0, driven.i_mean), w_ahead, h)
     mean = driven.i_mean
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, 1.5 * K_f * mean, load, h)
     s, c = rotate(s, c, p * (theta - motion.theta - half))

@@ -42,4 +42,8 @@ class Status(IntEnum):
         "the current loop does not settle: it grows or rings from sample to sample; "
         "smaller controller.current.K_p and K_i or a larger inverter.carrier_frequency are needed",
     )
-    DEAD = 8, "inverter.dead_time must be shorter than half a period of inverter.carrier_frequency, or no switch ever closes"
+    PULSE = (
+        8,
+        "inverter.dead_time must be shorter than half a period of inverter.carrier_frequency, or no switch ever closes, and "
+        "inverter.minimum_pulse shorter than a quarter of it",
+    )

@@ -28,8 +28,8 @@ def speed_reference(gains, command, position):
 
 
 @kernel
-def sampled(gains, forward, command, r, position, w, memory):
-    """I_ref and the memory after a sample: u = K_p*e_w + xi + K_d*D(e_w) + feed-forward, e_w = w_ref - w,
+def sampled(gains, ahead, command, position, w, memory):
+    """I_ref and the memory after a sample: u = K_p*e_w + xi + K_d*D(e_w) + ahead [A], e_w = w_ref - w,
     I_ref = clamp(u, +-current_limit).
 
     Conditional anti-windup: the integral moves only while the output is free or the error drives it back.
@@ -41,12 +41,11 @@ def sampled(gains, forward, command, r, position, w, memory):
         if memory.samples >= 1.0:
             D = derivative.backward(memory.D, gains.K_d, gains.T_d, e_w - memory.e_d, gains.T_c)
         u += D
-    if forward.speed != 0.0 or forward.acceleration != 0.0:
-        u += derivative.ahead(forward, memory, r, gains.T_c)
+    u += ahead
     I_ref = clamp(u, -gains.current_limit, gains.current_limit)
     if u == I_ref or e_w * u < 0.0:
         xi += gains.K_i * e_w * gains.T_c
-    return I_ref, derivative.after(memory, xi, D, e_w, r)
+    return I_ref, derivative.Memory(xi, D, e_w, 1.0)
 
 
 @kernel

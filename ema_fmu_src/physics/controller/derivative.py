@@ -6,12 +6,18 @@ from ..jit import kernel
 
 
 class Memory(NamedTuple):
-    """What a law remembers: its integral part, its derivative part, what that is the derivative of, the commanded motor
-    position at the last sample and its last change, and how many samples there have been (2 and more count as 2)."""
+    """What a law remembers: its integral part, its derivative part, what that is the derivative of, and whether there has
+    been a sample (`samples` > 0)."""
 
     xi: float
     D: float
     e_d: float
+    samples: float
+
+
+class Commanded(NamedTuple):
+    """The commanded motor position at the last look, its change then, and how many looks there have been, at most 2."""
+
     r: float
     dr: float
     samples: float
@@ -32,19 +38,13 @@ def backward(D, K_d, T_f, change, T):
 
 
 @kernel
-def ahead(forward, memory, r, T):
-    """Feed-forward of r = G*command by its first and second backward difference; 0 until there are samples enough."""
-    dr = r - memory.r
-    u = 0.0
-    if memory.samples >= 1.0:
-        u = forward.speed * dr / T
-    if memory.samples >= 2.0:
-        u += forward.acceleration * (dr - memory.dr) / (T * T)
-    return u
+def ahead(forward, last, r, w, T):
+    """Feed-forward of r = G*command by its first and second backward difference over T [s], and the look for the next time.
 
-
-@kernel
-def after(memory, xi, D, e_d, r):
-    """The memory after a sample."""
-    dr = r - memory.r if memory.samples >= 1.0 else 0.0
-    return Memory(xi, D, e_d, r, dr, min(2.0, memory.samples + 1.0))
+    At the first look the command is taken to move with the motor, at w; the second difference waits for three looks.
+    """
+    dr = r - last.r if last.samples >= 1.0 else w * T
+    u = forward.speed * dr / T
+    if last.samples >= 2.0:
+        u += forward.acceleration * (dr - last.dr) / (T * T)
+    return u, Commanded(r, dr, min(2.0, last.samples + 1.0))
