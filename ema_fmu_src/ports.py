@@ -193,7 +193,7 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("fault.N_c", "1", 1.0, (0.3, 1.0), "Fraction of turns not shorted in phase c; healthy 1"),
     _parameter("fault.zeta", "1", 0.0, (0.0, 0.95), "Static rotor eccentricity, motor.p*zeta < 1; healthy 0", nominal=0.1),
     _parameter("fault.phi", "rad", 0.0, (-7.0, 7.0), "Phase of the eccentricity"),
-    _parameter("fault.gain", "1", 1.0, (0.0, 10.0), "Scale of controller.K_pos; healthy 1"),
+    _parameter("fault.gain", "1", 1.0, (0.0, 10.0), "Scale of controller.K_pos, in a PID of K_p and K_i; healthy 1"),
     _parameter(
         "fault.jam",
         "N.m",
@@ -272,8 +272,21 @@ VARIABLES: tuple[Variable, ...] = (
     _parameter("controller.pid.K_i", "A/(rad.s)", 400.0, (0.0, 1e8), "PID: integral gain, motor side"),
     _parameter("controller.pid.K_d", "A.s/rad", 1.3, (0.0, 1e3), "PID: derivative gain, motor side"),
     _parameter("controller.pid.T_f", "s", 1e-4, (0.0, 10.0), "PID: filter of the derivative"),
-    _parameter("controller.pid.b", "1", 52.0 / 62.0, (0.0, 10.0), "PID: weight of the command in the proportional part"),
-    _parameter("controller.pid.c", "1", 0.0, (0.0, 10.0), "PID: weight of the command in the derivative", nominal=1.0),
+    _parameter(
+        "controller.pid.b",
+        "1",
+        52.0 / 62.0,
+        (0.0, 10.0),
+        "PID: weight of the command in the proportional part; 1: on the error",
+    ),
+    _parameter(
+        "controller.pid.c",
+        "1",
+        0.0,
+        (0.0, 10.0),
+        "PID: weight of the command in the derivative; 1: on the error",
+        nominal=1.0,
+    ),
     _parameter("controller.feedforward_speed", "A.s/rad", 0.0, (0.0, 1e3), "Feed-forward of the commanded motor speed"),
     _parameter(
         "controller.feedforward_acceleration",

@@ -31,6 +31,7 @@ def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:
         lines.append(
             f"K_t*{law}*period/J = {gain:.3g}: the sampled speed loop is unstable from 2 on; is controller.{law} too high?"
         )
+    lines += _of_the_law(parameters, 1.5 * K_e / J)
     band, current = _value(parameters, "inverter.hysteresis"), T_coulomb / (1.5 * K_e)
     if 0.0 < current < band and not is_oriented(parameters):
         lines.append(
@@ -42,6 +43,29 @@ def doubts(parameters: Mapping[str, float], output: Output) -> list[str]:
     if not SHORTEST <= output.lead <= LONGEST:
         lines.append(f"lead {output.lead:g} m a turn: screws have {SHORTEST:g} to {LONGEST:g} m; is its unit left out?")
     return lines + [_rotary(name, parameters, output) for name in ROTARY if name not in parameters]
+
+
+def _of_the_law(parameters: Mapping[str, float], per_inertia: float) -> list[str]:
+    """Lines on the control law; `per_inertia`: K_t/J [rad/(A.s2)]."""
+    lines = []
+    if is_pid(parameters):
+        K_P, K_D = _value(parameters, "controller.pid.K_p"), _value(parameters, "controller.pid.K_d")
+        if K_D > 0.0 and K_P / K_D > per_inertia * K_D:
+            lines.append(
+                f"controller.pid: K_p/K_d = {K_P / K_D:.3g} 1/s is more than K_t*K_d/J = {per_inertia * K_D:.3g} 1/s: the "
+                "position swings; is K_p in A/rad?"
+            )
+        weights = [name for name in ("controller.pid.b", "controller.pid.c") if name not in parameters]
+        if weights and "controller.pid.K_p" in parameters:
+            lines.append(f"{' and '.join(weights)} not stated: the default cascade's are taken; 1 is a PID on the error")
+    if (forward := abs(_value(parameters, "controller.feedforward_acceleration") * per_inertia)) > 10.0:
+        lines.append(
+            f"controller.feedforward_acceleration is {forward:.3g} times J/K_t, which accelerates the rotor as commanded"
+        )
+    without_use = sorted(name for name in idle(parameters) if name in parameters and _value(parameters, name) > 0.0)
+    if without_use:
+        lines.append(f"stated, but not used by this drive: {', '.join(without_use)}")
+    return lines
 
 
 def unstated(parameters: Mapping[str, float]) -> dict[str, list[str]]:
