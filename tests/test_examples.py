@@ -116,7 +116,7 @@ def test_a_switch_prints_what_jumps(clone: Path) -> None:
 
 
 def test_an_actuator_of_ones_own_is_shown_and_flown(clone: Path) -> None:
-    (text,) = (block.text for block in BLOCKS if block.language == "toml" and block.page.parent.name == "actuators")
+    text, *_ = (block.text for block in BLOCKS if block.language == "toml" and block.page.parent.name == "actuators")
     (clone / "mine.toml").write_text(text)
     assert "my EMA" in run(marked("run: an actuator of your own"), clone)
     assert "position [m]" in (clone / "results" / "SIN_HF.csv").read_text().partition("\n")[0]

@@ -16,7 +16,17 @@ from harness.identification.unexplained import unexplained
 from harness.logs.log import Log
 from harness.trials import STEP, Trial, grid
 
-LINEAR = read_actuator("maxon-linear-a")
+SOLD = read_actuator("maxon-linear-a")
+MACHINE = {
+    name: value for name, value in SOLD.parameters.items() if not name.startswith(("controller.", "inverter.", "sensor."))
+}
+CASCADE = {
+    "controller.K_pos": 40.0, "controller.speed_limit": 628.0, "controller.K_p": 0.08, "controller.K_i": 2.5,
+    "controller.current_limit": 22.0, "controller.period": 4e-4, "inverter.hysteresis": 0.5, "inverter.R_on": 0.0,
+    "inverter.dead_time": 0.0,
+}  # fmt: skip
+LINEAR = replace(SOLD, parameters={**MACHINE, **CASCADE})
+"""The machine with hysteresis control in place of its own drive."""
 TRUTH = {"friction": 1.5, "N_a": 0.85}
 
 

@@ -27,6 +27,7 @@ CATEGORIES = {
 _ANGLE = ("initial.motor_position", "mechanics.end_stop", "gear.ratio", "gear.backlash", "fault.backlash")
 _FIELD = (*_ANGLE, "motor.p", "motor.K_e", "fault.magnet", "fault.zeta", "fault.phi")
 _CURRENTS = ("initial.phase_current_a", "initial.phase_current_b")
+_SENSORS = tuple(f"fault.current_{error}_{phase}" for error in ("gain", "offset") for phase in "abc")
 INITIAL_DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "position": (*_ANGLE, "initial.position"),
     "motor_position": _ANGLE,
@@ -41,6 +42,8 @@ INITIAL_DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "back_emf_b": (*_FIELD, "fault.eccentricity_law", "initial.motor_speed", "fault.N_b"),
     "back_emf_c": (*_FIELD, "fault.eccentricity_law", "initial.motor_speed", "fault.N_c"),
     "motor_torque": (*_FIELD, "fault.eccentricity_law", *_CURRENTS, "fault.N_a", "fault.N_b", "fault.N_c"),
+    "measured_motor_position": _ANGLE,
+    "measured_current": (*_ANGLE, "motor.p", *_CURRENTS, *_SENSORS),
 }
 """Parameters that the initial value of an output depends on; the other outputs start at zero."""
 
