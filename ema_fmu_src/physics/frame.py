@@ -1,10 +1,12 @@
 """The rotor's frame: the transforms of Clarke and Park, both ways. The d axis lies along the magnets, q ahead of it."""
 
+import math
 from typing import NamedTuple
 
 from .jit import kernel
-from .monitor import INV_SQRT3
 from .phases import HALF_SQRT3, Abc
+
+INV_SQRT3 = 1.0 / math.sqrt(3.0)
 
 
 class Dq(NamedTuple):

@@ -1,18 +1,13 @@
 """The equivalent single-phase current: Clarke and Park transforms, and the low-pass."""
 
-import math
-
+from .frame import to_frame
 from .jit import kernel
-
-INV_SQRT3 = 1.0 / math.sqrt(3.0)
 
 
 @kernel
 def quadrature_current(i, s, c):
     """-i_alpha*sin(theta_e) + i_beta*cos(theta_e), i_alpha = (2 i_a - i_b - i_c)/3, i_beta = (i_b - i_c)/sqrt(3)."""
-    i_alpha = (2.0 * i.a - i.b - i.c) * (1.0 / 3.0)
-    i_beta = (i.b - i.c) * INV_SQRT3
-    return i_beta * c - i_alpha * s
+    return to_frame(i, s, c).q
 
 
 @kernel

@@ -15,11 +15,11 @@ from ..physics.modulator import carrier, reference
 from ..physics.phases import Abc, three_phases
 from ..physics.trig import rotate
 from . import actuator, drive, host, switched
-from .host import clock, inputs, partial
+from .host import clock, inputs
 from .layout import now
 from .memory import port
 from .status import Status
-from .switched import MOST_STEPS, MOVING, STIFF, own
+from .switched import MOST_STEPS, STIFF, own
 
 
 class Sums(NamedTuple):
@@ -164,10 +164,8 @@ def run(v, x, t):
             return Status.STIFF if h == 0.0 else Status.STUCK
         partial_step = h > left + close
         if partial_step:
-            switched.write(x, motion, i, legs, sums)
             x[own.edge_a], x[own.edge_b], x[own.edge_c] = edge
-            x[clock.offset] = elapsed
-            host.back_up(v, x, MOVING)
+            switched.set_aside(v, x, motion, i, legs, sums, elapsed)
             h = left
         load = host.input_at(v, x, inputs.load_torque, begun + 0.5 * h)
         motion, i, legs, edge, sums, segments = _step(v, x, m, motion, i, legs, edge, sums, V_dc, load, h)
@@ -178,8 +176,6 @@ def run(v, x, t):
         if elapsed >= T_c - close:
             elapsed = 0.0
             switched.tick(x)
-    switched.write(x, motion, i, legs, sums)
     x[own.edge_a], x[own.edge_b], x[own.edge_c] = edge
-    if x[partial.pending] == 0.0:
-        x[clock.offset] = elapsed
+    switched.leave(x, motion, i, legs, sums, elapsed)
     return Status.OK

@@ -26,7 +26,7 @@ from ..physics.modulator import hysteresis, reference
 from ..physics.modulator.reference import Reference
 from ..physics.phases import Abc, three_phases
 from . import actuator, carried, drive, host, switched
-from .host import clock, inputs, partial
+from .host import clock, inputs
 from .layout import now
 from .memory import port
 from .status import Status
@@ -115,9 +115,7 @@ def _by_hysteresis(v, x, t):
             h = events.fixed_step(step, T_c - elapsed)
         partial_step = h > left + close
         if partial_step:
-            switched.write(x, motion, i, legs, sums)
-            x[clock.offset] = elapsed
-            host.back_up(v, x, MOVING)
+            switched.set_aside(v, x, motion, i, legs, sums, elapsed)
             h = left
         load = host.input_at(v, x, inputs.load_torque, t - left + 0.5 * h)
         motion, i, legs, sums = switched.midpoint(v, x, m, motion, i, legs, sums, circuit, load, h)
@@ -128,9 +126,7 @@ def _by_hysteresis(v, x, t):
             elapsed = 0.0
             switched.tick(x)
             switched.mark(x, _limited(m, ref, motion, i, V_dc, T_c))
-    switched.write(x, motion, i, legs, sums)
-    if x[partial.pending] == 0.0:
-        x[clock.offset] = elapsed
+    switched.leave(x, motion, i, legs, sums, elapsed)
     return Status.OK
 
 

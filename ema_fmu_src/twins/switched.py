@@ -13,8 +13,8 @@ from ..physics.jit import kernel
 from ..physics.modulator import hysteresis, reference
 from ..physics.phases import Abc, three_phases
 from ..physics.trig import clamp, rotate, sincos
-from . import actuator, drive, layout
-from .host import clock, told
+from . import actuator, drive, host, layout
+from .host import clock, partial, told
 from .layout import derived, now, since
 from .memory import Moving, State, places, port, whole
 
@@ -111,6 +111,22 @@ def write(x, motion, i, legs, sums):
     x[own.side_b], x[own.dead_left_b], x[own.closing_b] = legs.b
     x[own.side_c], x[own.dead_left_c], x[own.closing_c] = legs.c
     x[now.i_filtered], x[now.charge], x[now.loss] = sums
+
+
+@kernel
+def set_aside(v, x, motion, i, legs, sums, elapsed):
+    """Before a partial step, `elapsed` [s] after the last tick: keep what moves as it is."""
+    write(x, motion, i, legs, sums)
+    x[clock.offset] = elapsed
+    host.back_up(v, x, MOVING)
+
+
+@kernel
+def leave(x, motion, i, legs, sums, elapsed):
+    """At a communication point: what moves, into `x`; the time since the last tick, unless a partial step has led here."""
+    write(x, motion, i, legs, sums)
+    if x[partial.pending] == 0.0:
+        x[clock.offset] = elapsed
 
 
 @kernel

@@ -2,5 +2,5 @@
 
 A law has its gains as a named tuple and `sampled(...)`, which takes what it remembers (`derivative.Memory`) and returns it
 anew. LF takes the cascade with a gain of the integral of 0 and its own step for a period, and of the PID the form
-`continuous(...)`. A twin takes the law through `twins.actuator.control`, where it is chosen.
+`continuous(...)`. A twin takes the law through `twins.drive.control`, where it is chosen.
 """
