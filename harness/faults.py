@@ -71,7 +71,7 @@ class Fault(FaultParameter):
     amplitude 0; each of the vector's two coordinates is bounded by plus and minus the upper end of `searched`.
 
     `scales`: the ports that it multiplies; where all of them are 0 it has no effect; empty if it is no scale. `in_current`:
-    it shows in the current, and hardly elsewhere.
+    it shows in the current, and hardly elsewhere. `rare`: of two faults that explain a run alike, the other is told first.
     """
 
     limit: float
@@ -82,6 +82,7 @@ class Fault(FaultParameter):
     better_than_healthy: str = ""
     scales: tuple[str, ...] = ()
     in_current: bool = False
+    rare: bool = False
 
     def without_effect(self, parameters: Mapping[str, float]) -> str:
         """Why the fault does nothing in an actuator with these `parameters` by port name; empty if it does something."""
@@ -124,6 +125,10 @@ class Fault(FaultParameter):
 TURNS = Group("N", "all three phases have lost alike: weaker magnets (fault.magnet) or a larger mechanics.J look the same")
 
 
+OFFSETS = Group("current_offset", "all three current sensors are off alike, which a star connection does not show")
+GAINS = Group("current_gain", "all three current sensors are wrong alike: mechanics.J or motor.K_e off would look the same")
+
+
 def _turns(phase: str) -> Fault:
     return Fault(
         port=f"fault.N_{phase}",
@@ -133,6 +138,32 @@ def _turns(phase: str) -> Fault:
         slider=(0.3, 1.0, 0.01),
         group=TURNS,
         in_current=True,
+    )
+
+
+def _sensor_offset(phase: str) -> Fault:
+    return Fault(
+        port=f"fault.current_offset_{phase}",
+        limit=1.0,
+        studied=(-1.0, 1.0),
+        searched=(-5.0, 5.0),
+        slider=(-1.0, 1.0, 0.05),
+        group=OFFSETS,
+        in_current=True,
+        rare=True,
+    )
+
+
+def _sensor_gain(phase: str) -> Fault:
+    return Fault(
+        port=f"fault.current_gain_{phase}",
+        limit=0.7,
+        studied=(0.7, 1.3),
+        searched=(0.4, 2.0),
+        slider=(0.7, 1.3, 0.01),
+        group=GAINS,
+        in_current=True,
+        rare=True,
     )
 
 
@@ -174,6 +205,39 @@ FAULTS: dict[str, Fault] = {
             searched=(0.2, 3.0),
             slider=(0.1, 2.0, 0.05),
             scales=("controller.K_pos",),
+        ),
+        Fault(port="fault.jam", limit=0.1, studied=(0.0, 0.1), searched=(0.0, 1.0), slider=(0.0, 0.1, 0.005), rare=True),
+        Fault(
+            port="fault.magnet",
+            limit=0.7,
+            studied=(0.7, 1.0),
+            searched=(0.3, 1.0),
+            slider=(0.3, 1.0, 0.01),
+            scales=("motor.K_e",),
+            in_current=True,
+            rare=True,
+        ),
+        Fault(
+            port="fault.resistance",
+            limit=2.0,
+            studied=(1.0, 2.0),
+            searched=(0.5, 3.0),
+            slider=(0.5, 3.0, 0.05),
+            scales=("motor.R",),
+            in_current=True,
+            rare=True,
+            better_than_healthy="the windings have less resistance than a healthy actuator's: cold, or motor.R is set too high?",
+        ),
+        *map(_sensor_offset, "abc"),
+        *map(_sensor_gain, "abc"),
+        Fault(
+            port="fault.resolver_offset",
+            limit=0.2,
+            studied=(-0.2, 0.2),
+            searched=(-0.4, 0.4),
+            slider=(-0.2, 0.2, 0.01),
+            in_current=True,
+            rare=True,
         ),
     )
 }

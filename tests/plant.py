@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.flight.twin import Twin
-from harness.identification.coordinates import from_values, to_parameters
-from harness.identification.measured import CURRENT, Measured, measured
+from harness.inference.coordinates import from_values, to_parameters
+from harness.inference.measured import CURRENT, Measured, measured
 from harness.trials import trial
 
 NOISE = {"position": 0.001, "motor_speed": 0.001, CURRENT: 0.01}

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.flight.twin import Twin
-from harness.identification.coordinates import from_values, to_parameters
+from harness.inference.coordinates import from_values, to_parameters
 from harness.trials import STEP, Trial, grid
 
 LEAD = 0.01

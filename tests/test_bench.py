@@ -13,7 +13,7 @@ from harness.bench.peers import scipy_hf
 from harness.bench.speed import REFERENCE, Check
 from harness.cli import main
 from harness.faults import FAULTS, KINDS
-from harness.identification.coordinates import COORDINATES
+from harness.inference.coordinates import COORDINATES
 
 
 def test_one_run_gives_table_page_and_json(

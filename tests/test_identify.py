@@ -14,9 +14,9 @@ from harness.cli import app
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, FAULTS
 from harness.fidelity import FIDELITIES
-from harness.identification import coordinates
+from harness.inference import coordinates
 from harness.identification.diagnosis import Diagnosis, identify
-from harness.identification.measured import read_measured
+from harness.inference.measured import read_measured
 from harness.logs.noise import noise_of
 from harness.logs.stimulus import jumps_of
 from harness.trials import BUILT_IN

@@ -17,7 +17,7 @@ from harness.cli import app
 from harness.cli.options import chosen_actuator
 from harness.errors import HarnessError
 from harness.faults import FAULTS, checked_limit
-from harness.identification.measured import measured_from_log
+from harness.inference.measured import measured_from_log
 from harness.logs.log import Between, Log, Logger
 from harness.logs.mapping import parse_columns, parse_spec
 from harness.logs.observer import observer_of, shift_bounds

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema_fmu_src import ports
 from harness.actuators.actuator import Output
@@ -46,6 +48,22 @@ def read_calibration(table: Mapping[str, Any], where: str) -> dict[str, Stated]:
         name: Stated(item.value, WIDTH * float(sigmas[name]) if name in sigmas else item.tolerance)
         for name, item in found.items()
     }
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """What a calibration found together: `names`, and their `covariance`, shape (n, n), in the units of the names."""
+
+    names: tuple[str, ...]
+    covariance: NDArray[np.float64]
+
+
+def covariance_of(table: Mapping[str, Any]) -> Calibrated:
+    """The covariance of a calibration that `read_calibration` has accepted; of no names where it has none."""
+    if "covariance" not in table:
+        return Calibrated((), np.empty((0, 0)))
+    names = tuple(table.get("names", list(flat(table.get("values", {}), "values"))))
+    return Calibrated(names, np.array(table["covariance"], dtype=np.float64))
 
 
 def _check_names(names: list[str], values: Mapping[str, Stated], where: str) -> None:

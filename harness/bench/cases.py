@@ -12,8 +12,8 @@ from harness import trials
 from harness.faults import FAULTS, KINDS
 from harness.fidelity import FIDELITIES
 from harness.flight.twin import Twin
-from harness.identification import coordinates
-from harness.identification.measured import CURRENT, Measured, measured
+from harness.inference import coordinates
+from harness.inference.measured import CURRENT, Measured, measured
 
 TRIALS = ("SIN", "STEP-RAMP", "CHIRP")
 NOISE = {"position": 0.001, "motor_speed": 0.001, CURRENT: 0.01}

@@ -12,9 +12,9 @@ from scipy.optimize import differential_evolution
 
 from harness.bench.cases import Case, measure
 from harness.fidelity import FIDELITIES
-from harness.identification import coordinates
+from harness.inference import coordinates
 from harness.identification.diagnosis import identify
-from harness.identification.model import Model
+from harness.inference.flights import Model
 from harness.identification.search import Problem
 
 POPULATION, GENERATIONS = 15, 160

@@ -55,7 +55,7 @@ def identify(
     from harness.files import results
     from harness.files.reader import stem
     from harness.identification import diagnosis
-    from harness.identification.measured import read_measured
+    from harness.inference.measured import read_measured
     from harness.identification.page import page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}

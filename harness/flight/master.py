@@ -113,7 +113,7 @@ def _get_others(calls, component, n, places, row, wholes, whole_data):  # type: 
     return 0, 0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _loop(calls, component, start, step, span, given, wanted, places, ramps, table, outputs):  # type: ignore[no-untyped-def]
     """Steps span[0] to span[1] - 1; the step at which a call failed, its place in CALLS, its status; or NO_STEP, 0, 0.
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.fidelity import Fidelity
-from harness.identification.measured import Measured
-from harness.identification.model import Model
+from harness.inference.measured import Measured
+from harness.inference.flights import Model
 from harness.identification.search import Problem
 from harness.logs.log import Between
 

@@ -11,8 +11,8 @@ from harness.fidelity import FIDELITIES, Fidelity
 from harness.identification.between import decided
 from harness.identification.estimates import Estimate, estimates_of, hidden, without_effect
 from harness.identification.fit import Fit, fit
-from harness.identification.measured import Measured
-from harness.identification.model import Model
+from harness.inference.measured import Measured
+from harness.inference.flights import Model
 from harness.identification.ripple import ripple
 from harness.identification.search import TOLERANCE
 from harness.identification.unexplained import left_without_faults, unexplained

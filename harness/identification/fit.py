@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from harness.identification.measured import Measured
-from harness.identification.model import Model
+from harness.inference.measured import Measured
+from harness.inference.flights import Model
 from harness.identification.search import ORIGIN, Problem, explain, map_space, rms_beside_noise
 from harness.logs.noise import noise_of
 

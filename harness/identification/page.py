@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.identification.diagnosis import Diagnosis
 from harness.identification.estimates import Estimate
-from harness.identification.measured import Measured
+from harness.inference.measured import Measured
 from harness.show.curves import RESIDUAL, Line, curve, intervals, shade, thinned
 from harness.show.curves import rows as rows_of
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table

@@ -6,7 +6,7 @@ import numpy as np
 
 from ema_fmu_src import ports
 from harness.identification.fit import Fit
-from harness.identification.measured import CURRENT, PHASES, Measured
+from harness.inference.measured import CURRENT, PHASES, Measured
 from harness.logs.shown import value_of
 
 BAND, MODULATION = "inverter.hysteresis", "inverter.modulation"

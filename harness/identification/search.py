@@ -18,9 +18,9 @@ from scipy.optimize import differential_evolution, least_squares
 from scipy.stats import chi2, qmc
 
 from harness.faults import KINDS
-from harness.identification import coordinates
-from harness.identification.measured import Measured
-from harness.identification.model import HIGHEST, LOWEST, Model
+from harness.inference import coordinates
+from harness.inference.measured import Measured
+from harness.inference.flights import HIGHEST, LOWEST, Model
 from harness.logs.noise import noise_of
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from harness.identification.fit import Fit
-from harness.identification.measured import CURRENTS, Measured
+from harness.inference.measured import CURRENTS, Measured
 from harness.identification.ripple import ripple
 from harness.logs.hints import Seen, percent
 from harness.logs.shown import value_of

@@ -13,7 +13,7 @@ from harness.fidelity import Fidelity
 from harness.files.reader import is_readable
 from harness.identification.diagnosis import identify
 from harness.identification.estimates import Estimate
-from harness.identification.measured import read_measured
+from harness.inference.measured import read_measured
 from harness.parallel import processes
 
 DATE = re.compile(r"(?<!\d)\d{4}-\d{2}-\d{2}(?!\d)")

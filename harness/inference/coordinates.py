@@ -46,6 +46,20 @@ STUDIED = np.array([item.studied for item in COORDINATES]).T
 """Ends of the studied ranges, shape (2, n_coordinates)."""
 
 
+MOST_ECCENTRIC, MOST_TURNED = 0.97 / math.sqrt(2.0), 1.2
+"""Of motor.p times fault.zeta along each coordinate, and of motor.p times fault.resolver_offset [rad], beyond which the
+back-EMF or the torque changes its sign: more pole pairs leave less room than the search has."""
+
+
+def bounds(pairs: float) -> tuple[Array, Array]:
+    """Lowest and highest scaled coordinates, shape (n_coordinates,) each, of a search in a motor of so many pole pairs."""
+    low, high = LOWEST.copy(), HIGHEST.copy()
+    for name, most in (("zeta", MOST_ECCENTRIC), ("resolver_offset", MOST_TURNED)):
+        places = PLACES[name]
+        low[places], high[places] = np.maximum(low[places], -most / pairs), np.minimum(high[places], most / pairs)
+    return scaled(low), scaled(high)
+
+
 def scaled(values: Array) -> Array:
     """Scaled coordinates of unscaled ones, shape (..., n_coordinates) both."""
     return (values - HEALTHY) / SPAN

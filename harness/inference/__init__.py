@@ -1,0 +1,1 @@
+"""One inference of faults, parameters and nuisances from measured runs."""

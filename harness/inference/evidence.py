@@ -1,0 +1,138 @@
+"""What each fault has to gain before it is believed, and how explanations with other faults compare.
+
+A fault enters an explanation if it lowers -2 log likelihood by more than a penalty: the generalised likelihood-ratio test
+(Wilks 1938) at a level of FALSE_ALARM in all, shared out among the faults (Bonferroni). Of explanations that fit alike, the
+one with fewest faults is so the first.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+from scipy.stats import chi2
+
+from harness.faults import FAULTS
+from harness.inference import coordinates
+from harness.inference.problem import Fit
+from harness.inference.unknowns import N_FAULTS
+
+Array = NDArray[np.float64]
+
+FALSE_ALARM = 0.01
+"""Probability that a healthy run is alarmed, all faults together."""
+RARE = 5.0
+"""What a rare fault has to gain beyond that: odds of 12, so that of two that fit alike the common one is told first (ours)."""
+ALIKE = 6.0
+"""Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20."""
+BROAD, DEEP, MOST = 24, 12, 5
+"""Explanations of one size from which larger ones are made: of two faults, of more; and the most faults of one."""
+Faults = tuple[str, ...]
+
+
+def penalty(name: str) -> float:
+    """What the fault `name` has to gain in -2 log likelihood."""
+    degrees = len(coordinates.PLACES[name])
+    return float(chi2.isf(FALSE_ALARM / len(FAULTS), degrees)) + (RARE if FAULTS[name].rare else 0.0)
+
+
+PENALTIES = {name: penalty(name) for name in FAULTS}
+
+
+def penalised(cost: float, faults: Sequence[str]) -> float:
+    """-2 log likelihood with what its faults have to gain."""
+    return cost + sum(PENALTIES[name] for name in faults)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The quadratic of a `fit` in which all faults were free, as a function of the faults alone, all other unknowns where they
+    follow: |root z - target|^2 + floor, in scaled coordinates."""
+
+    fit: Fit = field(repr=False)
+    root: Array = field(repr=False)
+    target: Array = field(repr=False)
+    floor: float
+    low: Array = field(repr=False)
+    high: Array = field(repr=False)
+    able: tuple[str, ...] = tuple(FAULTS)
+
+    @classmethod
+    def of(cls, fit: Fit, low: Array, high: Array) -> "Profile":
+        """`low`, `high`: bounds of all unknowns."""
+        z, others = np.arange(N_FAULTS), _others(fit)
+        inner = fit.hessian[np.ix_(others, others)]
+        cross = fit.hessian[np.ix_(others, z)]
+        curvature = fit.hessian[np.ix_(z, z)] - cross.T @ np.linalg.solve(inner, cross)
+        follows = np.linalg.solve(inner, fit.gradient[others])
+        slope = fit.gradient[z] - cross.T @ follows
+        root = np.linalg.cholesky(curvature + 1e-12 * np.eye(N_FAULTS)).T
+        here = fit.u[z]
+        target = root @ here - np.linalg.solve(root.T, slope)
+        floor = fit.cost - float(np.sum((root @ here - target) ** 2)) - float(fit.gradient[others] @ follows)
+        able = tuple(name for name in FAULTS if fit.free[coordinates.PLACES[name]].all())
+        return cls(fit, root, target, floor, low[z], high[z], able)
+
+    def cost(self, faults: Faults) -> tuple[float, Array]:
+        """The least cost with these faults alone, and where, shape (n_coordinates,)."""
+        places = [place for name in faults for place in coordinates.PLACES[name]]
+        z = np.zeros(N_FAULTS)
+        if places:
+            columns = self.root[:, places]
+            found = np.linalg.solve(columns.T @ columns, columns.T @ self.target)
+            low, high = self.low[places], self.high[places]
+            if (found < low).any() or (found > high).any():
+                found = lsq_linear(columns, self.target, (low - 1e-9, high + 1e-9), method="bvls").x
+            z[places] = found
+        return self.floor + float(np.sum((self.root @ z - self.target) ** 2)), z
+
+    def place(self, faults: Faults) -> Array:
+        """Where the least cost with these faults alone is, with all else that follows, shape (size,)."""
+        u, others = self.fit.u.copy(), _others(self.fit)
+        z = self.cost(faults)[1]
+        moved = z - u[:N_FAULTS]
+        slope = self.fit.gradient[others] + self.fit.hessian[np.ix_(others, range(N_FAULTS))] @ moved
+        u[others] -= np.linalg.solve(self.fit.hessian[np.ix_(others, others)], slope)
+        u[:N_FAULTS] = z
+        return u
+
+    def ranked(self) -> list[tuple[float, Faults]]:
+        """(penalised cost, faults), best first: all sets of up to two faults, then larger ones made of the best."""
+        found: dict[Faults, float] = {}
+
+        def try_all(sets: Sequence[Faults]) -> None:
+            for faults in sets:
+                if faults not in found:
+                    found[faults] = penalised(self.cost(faults)[0], faults)
+
+        for size in range(3):
+            try_all(list(combinations(self.able, size)))
+        for size in range(3, MOST + 1):
+            best = sorted((cost, faults) for faults, cost in found.items() if len(faults) == size - 1)
+            grown = [
+                tuple(name for name in self.able if name in faults or name == more)
+                for _, faults in best[: BROAD if size == 3 else DEEP]
+                for more in self.able
+                if more not in faults
+            ]
+            before = min(found.values())
+            try_all(grown)
+            if min(found.values()) >= before:
+                break
+        return sorted((cost, faults) for faults, cost in found.items())
+
+
+def _others(fit: Fit) -> NDArray[np.intp]:
+    return np.flatnonzero(fit.free & (np.arange(len(fit.u)) >= N_FAULTS))
+
+
+def probabilities(ranked: Sequence[tuple[float, Faults]]) -> dict[str, float]:
+    """Of each fault that it is there: the weights exp(-cost/2) of the explanations that hold it, over all weights."""
+    best = ranked[0][0]
+    weights = np.exp(-0.5 * np.array([cost - best for cost, _ in ranked]))
+    return {
+        name: float(sum(weight for weight, (_, faults) in zip(weights, ranked, strict=True) if name in faults) / weights.sum())
+        for name in FAULTS
+    }

@@ -1,0 +1,100 @@
+"""A measured run as the inference sees it: flights, sensors, noise, an unknown load, and the judge's gap to the model."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from harness.inference import noise
+from harness.inference.flights import Flights, Setting
+from harness.inference.measured import Measured
+from harness.inference.noise import Noise
+from harness.inference.sensors import Sensors
+from harness.logs.noise import noise_of
+from harness.logs.shown import value_of
+from harness.logs.spikes import spikes
+
+Array = NDArray[np.float64]
+
+LOAD_SHARE = 0.015
+"""Standard deviation of an unknown load, as a part of what the current limit holds at the user's side (ours): 2 N.m for the
+default actuator."""
+KNOT, MOST_KNOTS = 0.125, 40
+"""Distance [s] of the knots of an unknown load, a cubic spline: it follows 2 Hz within 1 %; and the most of them."""
+FIRST_NOISE = 1e-3
+"""Least noise of a channel, in its ranges, before any is learnt: no model is better."""
+
+
+@dataclass
+class Run:
+    """A measured run with the `model` that is searched for it and the `judge`, a better model, which is flown now and then.
+
+    `weight` (n_rows, n_channels): 0 in rows that say nothing, 1 in others, less in rows that a robust loss holds back.
+    `noises`: of each channel. `gap` (n_rows, n_channels): the judge's difference from the model where it was last compared.
+    """
+
+    model: Flights
+    judge: Flights | None = None
+    order: int = 1
+    noises: list[Noise] = field(init=False)
+    weight: Array = field(init=False)
+    gap: Array | None = field(init=False, default=None)
+    loads: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        run = self.measured
+        self.data = run.values
+        self.spans = self.sensors.spans
+        self.kept = run.weighed & ~np.column_stack([spikes(series) for series in self.data.T])
+        self.weight = self.kept.astype(float)
+        white = np.array([noise_of(self.data[:, k]) for k in range(self.sensors.count)])
+        least = np.maximum(np.maximum(white, run.quanta), FIRST_NOISE * self.spans)
+        self.noises = [Noise(float(sigma)) for sigma in least]
+        self.loads = self._loads()
+
+    @property
+    def measured(self) -> Measured:
+        """The run as it was measured."""
+        return self.model.measured
+
+    @property
+    def sensors(self) -> Sensors:
+        """Its sensors, with the order of their low-pass as it was found."""
+        return Sensors(self.measured, self.order)
+
+    def _loads(self) -> Array:
+        """Curves on the trial's grid of which an unknown load is a sum [N.m], shape (n_points, n_loads): a constant, then
+        cubic B-splines; each of the size of the load's standard deviation. None where a load was logged."""
+        run, given = self.measured, self.model.parameters
+        if "load_torque" in run.trial.inputs:
+            return np.empty((len(run.trial.time), 0))
+        torque = 1.5 * value_of("motor.K_e", given) * value_of("controller.current_limit", given)
+        sigma = LOAD_SHARE * torque * value_of("gear.ratio", given) * value_of("gear.eta_opposing", given)
+        time = run.trial.time - run.trial.start
+        pieces = int(np.clip(np.ceil(time[-1] / KNOT), 2, MOST_KNOTS))
+        inner = np.linspace(0.0, time[-1], pieces + 1)
+        knots = np.r_[[inner[0]] * 3, inner, [inner[-1]] * 3]
+        splines = BSpline.design_matrix(time, knots, 3).toarray()
+        return np.column_stack([np.full(len(time), sigma), sigma * splines])
+
+    def setting(self, parameters: dict[str, float], load: Array) -> Setting:
+        """A flight's setting with the load's coefficients, shape (n_loads,)."""
+        return Setting(parameters, self.loads @ load if load.any() else None)
+
+    def white(self, rest: Array) -> Array:
+        """Rest (n_rows, n_channels, ...) in the channels' units, made white with deviation one, in the rows that carry weight,
+        channel after channel, shape (n_residuals, ...)."""
+        rows = []
+        for k, own in enumerate(self.noises):
+            weight = self.weight[:, k].reshape(-1, *[1] * (rest.ndim - 2))
+            rows.append(own.white(rest[:, k] * weight)[self.measured.weighed[:, k]])
+        return np.concatenate(rows)
+
+    def learn(self, rest: Array) -> None:
+        """Outliers and noise from what the model leaves over, shape (n_rows, n_channels)."""
+        self.weight = self.kept.astype(float)
+        for k in range(len(self.noises)):
+            self.weight[noise.outliers(rest[:, k], self.kept[:, k], self.spans[k]), k] = 0.0
+            used = self.weight[:, k] > 0.0
+            self.noises[k] = noise.learnt(rest[:, k], used, self.spans[k], float(self.measured.quanta[k]))
