@@ -72,6 +72,8 @@ class Fault(FaultParameter):
 
     `scales`: the ports that it multiplies; where all of them are 0 it has no effect; empty if it is no scale. `in_current`:
     it shows in the current, and hardly elsewhere. `rare`: of two faults that explain a run alike, the other is told first.
+    `alone`: a fault with which it is never told together, for no run separates the two. `told_by`: the run that tells it where
+    another does not.
     """
 
     limit: float
@@ -83,6 +85,8 @@ class Fault(FaultParameter):
     scales: tuple[str, ...] = ()
     in_current: bool = False
     rare: bool = False
+    alone: str = ""
+    told_by: str = ""
 
     def without_effect(self, parameters: Mapping[str, float]) -> str:
         """Why the fault does nothing in an actuator with these `parameters` by port name; empty if it does something."""
@@ -125,6 +129,13 @@ class Fault(FaultParameter):
 TURNS = Group("N", "all three phases have lost alike: weaker magnets (fault.magnet) or a larger mechanics.J look the same")
 
 
+LOADED = "a run with a known load (load_torque)"
+STARTS = "a run with many starts from rest"
+SATURATED = "a run fast enough to saturate the voltage"
+IN_PHASES = "a run whose phase currents are logged"
+SLOW = "a slow run with reversals, its position measured behind the gear"
+TURNING = "a run in which the motor turns fast enough for a row in every eighth of an electrical turn, and slowly too"
+MOVING = "a run whose command moves fast"
 OFFSETS = Group("current_offset", "all three current sensors are off alike, which a star connection does not show")
 GAINS = Group("current_gain", "all three current sensors are wrong alike: mechanics.J or motor.K_e off would look the same")
 
@@ -138,6 +149,7 @@ def _turns(phase: str) -> Fault:
         slider=(0.3, 1.0, 0.01),
         group=TURNS,
         in_current=True,
+        told_by=LOADED,
     )
 
 
@@ -151,6 +163,7 @@ def _sensor_offset(phase: str) -> Fault:
         group=OFFSETS,
         in_current=True,
         rare=True,
+        told_by=IN_PHASES,
     )
 
 
@@ -164,6 +177,7 @@ def _sensor_gain(phase: str) -> Fault:
         group=GAINS,
         in_current=True,
         rare=True,
+        told_by=IN_PHASES,
     )
 
 
@@ -177,6 +191,7 @@ FAULTS: dict[str, Fault] = {
             searched=(0.2, 10.0),
             slider=(0.0, 5.0, 0.1),
             scales=("mechanics.T_static", "mechanics.T_coulomb"),
+            told_by=LOADED,
             better_than_healthy="friction is below that of a healthy actuator: "
             "another actuator, or parameters to be set with --set?",
         ),
@@ -187,6 +202,7 @@ FAULTS: dict[str, Fault] = {
             searched=(0.0, 300.0),
             slider=(0.0, 100.0, 1.0),
             scales=("gear.backlash",),
+            told_by=SLOW,
         ),
         *map(_turns, "abc"),
         Fault(
@@ -197,6 +213,7 @@ FAULTS: dict[str, Fault] = {
             slider=(0.0, 0.3, 0.01),
             angle=Angle(port="fault.phi", slider=(-3.1, 3.1, 0.1)),
             in_current=True,
+            told_by=TURNING,
         ),
         Fault(
             port="fault.gain",
@@ -205,8 +222,18 @@ FAULTS: dict[str, Fault] = {
             searched=(0.2, 3.0),
             slider=(0.1, 2.0, 0.05),
             scales=("controller.K_pos",),
+            told_by=MOVING,
         ),
-        Fault(port="fault.jam", limit=0.1, studied=(0.0, 0.1), searched=(0.0, 1.0), slider=(0.0, 0.1, 0.005), rare=True),
+        Fault(
+            port="fault.jam",
+            limit=0.1,
+            studied=(0.0, 0.1),
+            searched=(0.0, 1.0),
+            slider=(0.0, 0.1, 0.005),
+            rare=True,
+            alone="friction",
+            told_by=STARTS,
+        ),
         Fault(
             port="fault.magnet",
             limit=0.7,
@@ -216,6 +243,7 @@ FAULTS: dict[str, Fault] = {
             scales=("motor.K_e",),
             in_current=True,
             rare=True,
+            told_by=LOADED,
         ),
         Fault(
             port="fault.resistance",
@@ -226,6 +254,7 @@ FAULTS: dict[str, Fault] = {
             scales=("motor.R",),
             in_current=True,
             rare=True,
+            told_by=SATURATED,
             better_than_healthy="the windings have less resistance than a healthy actuator's: cold, or motor.R is set too high?",
         ),
         *map(_sensor_offset, "abc"),
@@ -238,6 +267,7 @@ FAULTS: dict[str, Fault] = {
             slider=(-0.2, 0.2, 0.01),
             in_current=True,
             rare=True,
+            told_by=LOADED,
         ),
     )
 }

@@ -14,8 +14,8 @@ from harness.cli import app
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, FAULTS
 from harness.fidelity import FIDELITIES
-from harness.inference import coordinates
 from harness.identification.diagnosis import Diagnosis, identify
+from harness.inference import coordinates
 from harness.inference.measured import read_measured
 from harness.logs.noise import noise_of
 from harness.logs.stimulus import jumps_of

@@ -9,10 +9,10 @@ import pytest
 from harness.actuators.read import read_actuator
 from harness.fidelity import FIDELITIES
 from harness.flight.twin import Twin
-from harness.inference.coordinates import from_values, to_parameters
 from harness.identification.diagnosis import Diagnosis, identify
-from harness.inference.measured import CURRENT, measured_from_log
 from harness.identification.unexplained import unexplained
+from harness.inference.coordinates import from_values, to_parameters
+from harness.inference.measured import CURRENT, measured_from_log
 from harness.logs.log import Log
 from harness.trials import STEP, Trial, grid
 

@@ -10,10 +10,10 @@ import slow
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
-from harness.inference import coordinates
 from harness.identification.diagnosis import Diagnosis, identify
-from harness.inference.measured import measured_from_log
+from harness.inference import coordinates
 from harness.inference.flights import Model
+from harness.inference.measured import measured_from_log
 from harness.logs.log import Between, Log, Logger
 from harness.logs.noise import error_of, quantum_of
 from harness.logs.observer import Observer

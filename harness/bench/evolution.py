@@ -1,6 +1,6 @@
 """Differential evolution on a case of the identification bench, as the literature on this actuator uses it.
 
-It has the same model, coordinates and sum of squares as the least squares of `harness.identification`.
+It has the model and the sum of squares with which the least squares of `harness.identification` begin: no nuisances.
 """
 
 from collections.abc import Mapping
@@ -12,10 +12,13 @@ from scipy.optimize import differential_evolution
 
 from harness.bench.cases import Case, measure
 from harness.fidelity import FIDELITIES
-from harness.inference import coordinates
 from harness.identification.diagnosis import identify
-from harness.inference.flights import Model
-from harness.identification.search import Problem
+from harness.inference import coordinates
+from harness.inference.flights import Flights
+from harness.inference.prior import Prior
+from harness.inference.problem import Problem
+from harness.inference.run import Run
+from harness.inference.starts import COMMON
 
 POPULATION, GENERATIONS = 15, 160
 """SciPy's default population for each coordinate, and the generations after which it is given up."""
@@ -39,34 +42,41 @@ class Evolved:
 
 
 def evolve(case: Case, fmus: Path, rate: float, parameters: Mapping[str, float]) -> Evolved:
-    """Differential evolution of ELF+ within the studied ranges, until it is as good as the least squares; `parameters`: the
-    actuator's."""
+    """Differential evolution of ELF+ over the common faults within their studied ranges, until it is as good as the least
+    squares; `parameters`: the actuator's."""
     run = measure(case, fmus, rate, parameters)
     diagnosis = identify(run, fmus=fmus, fidelity=FIDELITIES["ELF+"], parameters=parameters)
-    with Model(fmus, FIDELITIES["ELF+"], run, parameters) as model:
-        problem = Problem(model, run)
-        goal = 1.005 * problem.cost(diagnosis.fit.z)
-        model.evaluations = 0
+    found = coordinates.from_values({item.fault: item.value for item in diagnosis.estimates})
+    with Flights(fmus, FIDELITIES["ELF+"], run, parameters) as model:
+        problem = Problem([Run(model)], Prior())
+
+        def cost(common: np.ndarray) -> float:
+            u = problem.start.copy()
+            u[COMMON] = common
+            return problem.cost(u)
+
+        goal = 1.005 * cost(found[COMMON])
+        model.count = 0
         reached: list[tuple[int, np.ndarray]] = []
 
-        def counted(z: np.ndarray) -> float:
-            value = problem.cost(z)
+        def counted(common: np.ndarray) -> float:
+            value = cost(common)
             if value <= goal and not reached:
-                reached.append((model.evaluations, z.copy()))
+                reached.append((model.count, common.copy()))
             return value
 
         last = differential_evolution(
             counted,
-            list(zip(*coordinates.scaled(coordinates.STUDIED), strict=True)),
+            list(zip(*coordinates.scaled(coordinates.STUDIED)[:, COMMON], strict=True)),
             popsize=POPULATION,
             maxiter=GENERATIONS,
             polish=False,
             rng=case.seed,
             callback=lambda *_, **__: bool(reached),
         )
-        evaluations, best = reached[0] if reached else (model.evaluations, last.x)
-    truth = coordinates.from_values(case.truth)
-    error, least_squares_error = (float(np.max(np.abs(z - truth))) for z in (best, diagnosis.fit.z))
+        evaluations, best = reached[0] if reached else (model.count, last.x)
+    truth = coordinates.from_values(case.truth)[COMMON]
+    error, least_squares_error = (float(np.max(np.abs(z - truth))) for z in (best, found[COMMON]))
     return Evolved(
         case=case.number,
         trial=case.trial,

@@ -22,7 +22,7 @@ from harness.cli.options import (
     chosen_limits,
     chosen_monitor,
 )
-from harness.cli.terminal import show
+from harness.cli.terminal import show, working
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, THRESHOLD
 
@@ -55,8 +55,8 @@ def identify(
     from harness.files import results
     from harness.files.reader import stem
     from harness.identification import diagnosis
-    from harness.inference.measured import read_measured
     from harness.identification.page import page
+    from harness.inference.measured import read_measured
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
     chosen = chosen_actuator(actuator)
@@ -72,15 +72,18 @@ def identify(
     if json_file:
         results.prepare_file(json_file)
     folder = fmu_folder(diagnosis.models_for(fidelity), fmus, chosen)
-    found = diagnosis.identify(
-        run,
-        fmus=folder,
-        fidelity=fidelity,
-        parameters=parameters,
-        limits=health_limits,
-        threshold=threshold,
-        tolerance=tolerance,
-    )
+    with working() as on_step:
+        found = diagnosis.identify(
+            run,
+            fmus=folder,
+            fidelity=fidelity,
+            parameters=parameters,
+            actuator=chosen,
+            limits=health_limits,
+            threshold=threshold,
+            tolerance=tolerance,
+            on_step=on_step,
+        )
     target = out / f"{stem(measured)}_identified.html"
     results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
     if json_file:

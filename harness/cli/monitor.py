@@ -74,7 +74,7 @@ def monitor(
             limits=health_limits,
             threshold=threshold,
             workers=workers,
-            output=chosen.output,
+            actuator=chosen,
             columns=chosen_columns(columns, chosen),
             on_flight=lambda: shown.advance(task),
         )

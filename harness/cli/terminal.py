@@ -2,7 +2,8 @@
 
 import os
 import sys
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -34,6 +35,15 @@ def show(
         else:
             shown.add_section()
     Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else wide).print(shown)
+
+
+@contextmanager
+def working() -> "Iterator[Callable[[str], None]]":
+    """A spinner beside what is being done, which the function it yields is told; nothing is left behind."""
+    from rich.console import Console
+
+    with Console(stderr=True).status("reading") as status:
+        yield status.update
 
 
 def progress() -> "Progress":

@@ -4,19 +4,20 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
+from harness.faults import FAULTS
 from harness.fidelity import Fidelity
+from harness.inference.flights import Flights
 from harness.inference.measured import Measured
-from harness.inference.flights import Model
-from harness.identification.search import Problem
+from harness.inference.prior import Prior
+from harness.inference.problem import Problem
+from harness.inference.run import Run
 from harness.logs.log import Between
 
-MOST_TRIALS = 12
-"""Of each search: it only has to tell which comes nearer."""
+MOST_STEPS = 5
+"""Linearisations of each search: it only has to tell which comes nearer."""
 
 
-def decided(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapping[str, float]) -> Measured:
+def decided(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapping[str, float], prior: Prior) -> Measured:
     """The run with that of its trials alone with which a search from the healthy actuator comes nearest to it, and a remark
     that says so; the run itself if it has only one."""
     if len(measured.trials) == 1:
@@ -25,14 +26,13 @@ def decided(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapp
     nearest = None
     for again in (False, True):  # from where the nearest has ended, once more: a search may have stalled for another reason
         for between, trial in measured.trials.items():
-            alone = replace(measured, trials={between: trial})
-            with Model(fmus, fidelity, alone, parameters) as model:
-                problem = Problem(model, alone)
-                start = problem.origin if nearest is None or not again else nearest
-                end = problem.search(problem.aligned(start), most=MOST_TRIALS)
-            if end.cost < min(costs.values(), default=np.inf):
-                nearest = end.x
-            costs[between] = min(float(end.cost), costs.get(between, np.inf))
+            with Flights(fmus, fidelity, replace(measured, trials={between: trial}), parameters) as model:
+                problem = Problem([Run(model)], prior)
+                start = problem.start if nearest is None or not again else nearest
+                found = problem.solve(problem.aligned(start), problem.unknowns.mask(tuple(FAULTS)), most=MOST_STEPS)
+            if found.cost < min(costs.values(), default=float("inf")):
+                nearest = found.u
+            costs[between] = min(found.cost, costs.get(between, float("inf")))
     best, *others = sorted(costs, key=lambda between: costs[between])
     ratios = ", ".join(f"{other.value} is {(costs[other] / costs[best]) ** 0.5:.3g} times as far off" for other in others)
     remark = f"nothing says what the command does between rows: {best.value} fits best ({ratios})"

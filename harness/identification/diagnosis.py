@@ -1,22 +1,31 @@
 """What a measured run says about an actuator: estimates, health, a verdict, and what the model cannot explain."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.faults import FAULTS, KINDS, THRESHOLD
+from threadpoolctl import threadpool_limits
+
+from harness.actuators.actuator import DEFAULT, Actuator
+from harness.faults import FAULTS, THRESHOLD
 from harness.fidelity import FIDELITIES, Fidelity
 from harness.identification.between import decided
+from harness.identification.curves import Curves, curves_of
 from harness.identification.estimates import Estimate, estimates_of, hidden, without_effect
-from harness.identification.fit import Fit, fit
-from harness.inference.measured import Measured
-from harness.inference.flights import Model
 from harness.identification.ripple import ripple
-from harness.identification.search import TOLERANCE
+from harness.identification.told import alternatives_of, nuisances_of, parameters_of, remarks_of, shifts_of, verdict_of
 from harness.identification.unexplained import left_without_faults, unexplained
-from harness.logs.hints import at_bounds
+from harness.inference.explain import EXPLAINED, Explained, explain
+from harness.inference.flights import Flights
+from harness.inference.groups import Group, groups
+from harness.inference.measured import Measured
+from harness.inference.prior import prior_of
+from harness.inference.problem import Problem
+from harness.inference.run import Run
+
+TOLERANCE = EXPLAINED
 
 
 @dataclass(frozen=True)
@@ -24,10 +33,10 @@ class Diagnosis:
     """What a measured run says about an actuator.
 
     `name`: the run's; `fidelity`: the model's. `complaints`: a line for each channel that the model cannot explain; then
-    `health` is None, and else the least of the faults'. `nuisances`: what was estimated beside the faults, such as
-    `shift.position` [s], by how much that channel, named as it is shown, was shifted in time: value, sigma, unit.
-    `measured`: the run as it was fitted, with what its command does between rows decided. `evaluations`: runs of FMUs;
-    `seconds` of wall time.
+    `health` is None, and else the least of the faults'. `parameters`, `nuisances`: what was estimated beside the faults: a
+    value and its sigma by name, in SI units; `groups`: what the run cannot tell apart; `alternatives`: other faults that
+    explain it as well. `measured`: the run as it was fitted, with what its command does between rows decided.
+    `evaluations`: runs of FMUs; `seconds` of wall time.
     """
 
     name: str
@@ -39,9 +48,13 @@ class Diagnosis:
     verdict: str
     evaluations: int
     seconds: float
+    parameters: dict[str, dict[str, Any]]
     nuisances: dict[str, dict[str, Any]]
+    groups: list[Group]
+    alternatives: list[dict[str, Any]]
     measured: Measured = field(repr=False)
-    fit: Fit = field(repr=False)
+    curves: Curves = field(repr=False)
+    explained: Explained = field(repr=False)
 
     def estimate(self, fault: str) -> Estimate:
         """The estimate of a fault or an angle by its short name."""
@@ -58,7 +71,10 @@ class Diagnosis:
             "complaints": self.complaints,
             "remarks": self.remarks,
             "faults": {item.fault: {k: v for k, v in vars(item).items() if k != "fault"} for item in self.estimates},
+            "parameters": self.parameters,
             "nuisances": self.nuisances,
+            "groups": [group.as_dict() for group in self.groups],
+            "alternatives": self.alternatives,
             "evaluations": self.evaluations,
             "seconds": self.seconds,
         }
@@ -76,37 +92,42 @@ def identify(
     fmus: Path,
     fidelity: Fidelity,
     parameters: Mapping[str, float] | None = None,
+    actuator: Actuator = DEFAULT,
     limits: Mapping[str, float] | None = None,
     threshold: float = THRESHOLD,
     tolerance: float = TOLERANCE,
+    on_step: Callable[[str], object] = lambda text: None,
 ) -> Diagnosis:
     """Identify the faults of a measured run with the model `fidelity`; the folder `fmus` holds the FMUs of `models_for` it.
 
-    `parameters`: those set for this actuator, by port name; `limits`: values at which health is 0, by short name, for faults
-    where it is not their own limit; `threshold`: loss of health that alarms; `tolerance`: fraction of a channel's range that
-    may be left unexplained. HarnessError as from Twin.
+    `parameters`: those set for this actuator, by port name; `actuator`: whose tolerances or calibration say how well they are
+    known; `limits`: values at which health is 0, by short name, for faults where it is not their own limit; `threshold`: loss
+    of health that alarms; `tolerance`: fraction of a channel's range that may be left unexplained; `on_step` is told what is
+    being done. HarnessError as from Twin.
     """
     started = time.perf_counter()
     searched, judging = models_for(fidelity)
     given = dict(parameters or {})
-    measured = decided(measured, fmus, searched, given)
-    with Model(fmus, searched, measured, given) as model, Model(fmus, judging, measured, given) as judge:
-        found = fit(model, measured, judge, corrected=fidelity == judging)
-        evaluations = model.evaluations + judge.evaluations
-    complaints = [
-        *unexplained(found, measured, tolerance, given),
-        *at_bounds(
-            [measured.shown[name].name for name in measured.channels], found.shifts.tolist(), measured.shift_bounds.tolist()
-        ),
-    ]
+    exact = fidelity == judging
+    prior = prior_of(actuator, given, averaged=not exact)
+    with threadpool_limits(1, "blas"):  # more threads of it cost 1.7 times the CPU, which the flights need
+        measured = decided(measured, fmus, searched, given, prior)
+        with Flights(fmus, searched, measured, given) as model, Flights(fmus, judging, measured, given) as judge:
+            problem = Problem([Run(model, judge)], prior, shares=not exact)
+            able = [name for name in FAULTS if not FAULTS[name].without_effect(given)]
+            found = explain(problem, able, on_step)
+            curves = curves_of(found)
+            evaluations = model.count + judge.count
+    complaints = unexplained(curves, measured, tolerance, given, shifts_of(found))
     estimates = without_effect(estimates_of(found, limits or {}, threshold), given)
-    rippled = ripple(found, measured, given) if found.bent else ""
+    rippled = ripple(curves, measured, given)
+    untold = groups(found.around, problem.unknowns, able)
     if complaints:
         estimates = [replace(item, health=None, alarm=False) for item in estimates]
-        remarks = left_without_faults(found, measured)
+        remarks = left_without_faults(curves, measured)
     else:
         estimates = hidden(estimates) if rippled else estimates
-        remarks = [*([rippled] if rippled else []), *_remarks(estimates)]
+        remarks = [*([rippled] if rippled else []), *remarks_of(found, estimates, untold, actuator)]
     healths = [item.health for item in estimates if item.health is not None]
     return Diagnosis(
         name=measured.name,
@@ -115,51 +136,14 @@ def identify(
         complaints=complaints,
         remarks=[*measured.remarks, *remarks],
         health=None if complaints or not healths else min(healths),
-        verdict=_verdict(estimates, complaints, fidelity.name, threshold),
+        verdict=verdict_of(found, estimates, complaints, fidelity.name, threshold),
         evaluations=evaluations,
         seconds=time.perf_counter() - started,
-        nuisances=_nuisances(found, measured),
+        parameters=parameters_of(found),
+        nuisances=nuisances_of(found),
+        groups=untold,
+        alternatives=[] if complaints else alternatives_of(found),
         measured=measured,
-        fit=found,
+        curves=curves,
+        explained=found,
     )
-
-
-def _nuisances(found: Fit, measured: Measured) -> dict[str, dict[str, Any]]:
-    """The channels' shifts in time, by name."""
-    shifts = zip(measured.channels, found.shifts.tolist(), found.shift_sigma.tolist(), measured.shift_bounds, strict=False)
-    return {
-        f"shift.{measured.shown[name].name}": {"value": value, "sigma": sigma, "unit": "s"}
-        for name, value, sigma, bound in shifts
-        if bound > 0.0
-    }
-
-
-def _remarks(estimates: Sequence[Estimate]) -> list[str]:
-    """What else may be the cause of what was found, as the faults declare it."""
-    by_name = {item.fault: item for item in estimates}
-    remarks = []
-    for members in KINDS.values():
-        items = [by_name[fault.name] for fault in members]
-        alike = max(item.low for item in items) < min(item.high for item in items)
-        if (group := members[0].group) and alike and all(item.alarm for item in items):
-            remarks.append(group.all_alike)
-    for name, fault in FAULTS.items():
-        item = by_name[name]
-        if fault.better_than_healthy and item.alarm and fault.surely_better(item.low, item.high):
-            remarks.append(fault.better_than_healthy)
-    return remarks
-
-
-def _verdict(estimates: Sequence[Estimate], complaints: Sequence[str], fidelity: str, threshold: float) -> str:
-    if complaints:
-        return f"not explained by {fidelity} and these faults: {'; '.join(complaints)}"
-    alarms = [item for item in estimates if item.alarm]
-    unknown = [e.fault for e in estimates if e.fault in FAULTS and e.effect and not e.identifiable and not e.alarm]
-    rest = f"; not identifiable from this run: {', '.join(unknown)}" if unknown else ""
-    if not alarms:
-        return f"healthy: no identifiable fault has lost more than {100.0 * threshold:g} % of its health{rest}"
-    listed = [
-        f"{item.fault} = {item.value:.4g} (health {'' if item.identifiable else 'at most '}{item.health:.2f})"
-        for item in sorted(alarms, key=lambda alarm: alarm.health or 0)
-    ]
-    return f"faulty: {', '.join(listed)}{rest}"

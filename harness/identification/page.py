@@ -1,6 +1,8 @@
 """The page of an identification: verdict, estimates, and measured, healthy and identified curves with residuals."""
 
 import html
+import math
+from typing import Any
 
 import plotly.graph_objects as go
 
@@ -32,7 +34,7 @@ def page(diagnosis: Diagnosis, command: str, actuator: Actuator = DEFAULT) -> st
         f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.fidelity)}</h1>"
         f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{flown_actuator(actuator)}{notes}'
         f"{table(_caption(diagnosis), HEADS, rows(diagnosis))}"
-        f"{_nuisances(diagnosis)}<section><h2>Measured and identified</h2>{curves}</section>"
+        f"{_alternatives(diagnosis)}{_parameters(diagnosis)}{_nuisances(diagnosis)}<section><h2>Measured and identified</h2>{curves}</section>"
         f"{origin(command)}",
     )
 
@@ -45,11 +47,43 @@ def _nuisances(diagnosis: Diagnosis) -> str:
     """A table of what was estimated beside the faults, as HTML; empty if that is nothing."""
     if not diagnosis.nuisances:
         return ""
+    cells = [(name, *_with_sigma(item)) for name, item in diagnosis.nuisances.items()]
+    return table("What sensors and loggers have done", ("Nuisance", "Value", "Standard deviation"), cells)
+
+
+def _parameters(diagnosis: Diagnosis) -> str:
+    """A table of the parameters that were not exact, as HTML; empty if there are none."""
     cells = [
-        (name, f"{1e3 * item['value']:.3g} ms", f"{1e3 * item['sigma']:.2g} ms")
-        for name, item in diagnosis.nuisances.items()
+        (name, *_with_sigma(item), f"{item['prior']:.4g} +- {item['prior_sigma']:.2g} {item['unit']}")
+        for name, item in diagnosis.parameters.items()
     ]
-    return table("Shifts in time that the comparison has found", ("Channel", "Shift", "Standard deviation"), cells)
+    heads = ("Parameter", "Value", "Standard deviation", "Before the run")
+    return table("Parameters that are not known exactly", heads, cells) if cells else ""
+
+
+def _with_sigma(item: dict[str, Any]) -> tuple[str, str]:
+    """Value and standard deviation with their unit: times in ms, factors in per cent."""
+    scale, unit = {"s": (1e3, "ms"), "1": (100.0, "%")}.get(item["unit"], (1.0, item["unit"]))
+    return f"{scale * item['value']:.4g} {unit}", f"{scale * item['sigma']:.2g} {unit}"
+
+
+def _alternatives(diagnosis: Diagnosis) -> str:
+    """A table of other explanations, and one of what the run cannot tell apart, as HTML; empty if there are none."""
+    others = [
+        (", ".join(f"{name} = {value:.4g}" for name, value in item["faults"].items()) or "no fault", f"{item['worse']:.1f}")
+        for item in diagnosis.alternatives
+    ]
+    groups = [
+        (
+            ", ".join(f"{name} {change:+.2g}" for name, change in group.members.items()),
+            "not at all" if math.isinf(group.sigma) else f"to {group.sigma:.2g} %",
+            group.experiment,
+        )
+        for group in diagnosis.groups
+    ]
+    shown = table("Other explanations", ("Faults", "Worse by, in -2 log likelihood"), others) if others else ""
+    heads = ("Together, in % of each", "Told by the data", "What would tell them")
+    return shown + (table("What this run cannot tell apart", heads, groups) if groups else "")
 
 
 def rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -74,7 +108,7 @@ def figure(diagnosis: Diagnosis, measured: Measured) -> go.Figure:
     for place in range(len(names)):
         scale, row = measured.shown[names[place]].scale, 2 * place + 1
         data = scale * measured.channels[names[place]]
-        fits = {"healthy": diagnosis.fit.healthy, "identified": diagnosis.fit.predicted}
+        fits = {"healthy": diagnosis.curves.healthy, "identified": diagnosis.curves.predicted}
         models = {label: scale * fit[:, place] for label, fit in fits.items()}
         for label, values in {"measured": data, **models}.items():
             points = thinned(measured.time, values)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ema_fmu_src import ports
-from harness.identification.fit import Fit
+from harness.identification.curves import Curves
 from harness.inference.measured import CURRENT, PHASES, Measured
 from harness.logs.shown import value_of
 
@@ -13,7 +13,7 @@ BAND, MODULATION = "inverter.hysteresis", "inverter.modulation"
 HYSTERESIS = float(ports.VARIABLES[ports.INDEX[MODULATION]].items["hysteresis"])
 
 
-def ripple(found: Fit, measured: Measured, parameters: Mapping[str, float]) -> str:
+def ripple(found: Curves, measured: Measured, parameters: Mapping[str, float]) -> str:
     """What is wrong with a run in whose rows the motion mostly needs less current than half the band of the hysteresis
     control; empty if nothing is, if no current was measured, or at a carrier, whose ripple does not depend on the motion.
     `parameters`: those set, by port name."""
@@ -29,7 +29,7 @@ def ripple(found: Fit, measured: Measured, parameters: Mapping[str, float]) -> s
     )
 
 
-def _needed(found: Fit, measured: Measured) -> float | None:
+def _needed(found: Curves, measured: Measured) -> float | None:
     """Median of the model's equivalent current in the rows that carry weight [A]; None without a current."""
     names = list(measured.channels)
     rows = measured.informative

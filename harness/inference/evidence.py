@@ -68,7 +68,7 @@ class Profile:
         curvature = fit.hessian[np.ix_(z, z)] - cross.T @ np.linalg.solve(inner, cross)
         follows = np.linalg.solve(inner, fit.gradient[others])
         slope = fit.gradient[z] - cross.T @ follows
-        root = np.linalg.cholesky(curvature + 1e-12 * np.eye(N_FAULTS)).T
+        root = np.asarray(np.linalg.cholesky(curvature + 1e-12 * np.eye(N_FAULTS)).T, dtype=np.float64)
         here = fit.u[z]
         target = root @ here - np.linalg.solve(root.T, slope)
         floor = fit.cost - float(np.sum((root @ here - target) ** 2)) - float(fit.gradient[others] @ follows)
@@ -93,7 +93,7 @@ class Profile:
         u, others = self.fit.u.copy(), _others(self.fit)
         z = self.cost(faults)[1]
         moved = z - u[:N_FAULTS]
-        slope = self.fit.gradient[others] + self.fit.hessian[np.ix_(others, range(N_FAULTS))] @ moved
+        slope = self.fit.gradient[others] + self.fit.hessian[others, :N_FAULTS] @ moved
         u[others] -= np.linalg.solve(self.fit.hessian[np.ix_(others, others)], slope)
         u[:N_FAULTS] = z
         return u
@@ -104,7 +104,7 @@ class Profile:
 
         def try_all(sets: Sequence[Faults]) -> None:
             for faults in sets:
-                if faults not in found:
+                if faults not in found and not any(FAULTS[name].alone in faults for name in faults):
                     found[faults] = penalised(self.cost(faults)[0], faults)
 
         for size in range(3):
@@ -133,6 +133,8 @@ def probabilities(ranked: Sequence[tuple[float, Faults]]) -> dict[str, float]:
     best = ranked[0][0]
     weights = np.exp(-0.5 * np.array([cost - best for cost, _ in ranked]))
     return {
-        name: float(sum(weight for weight, (_, faults) in zip(weights, ranked, strict=True) if name in faults) / weights.sum())
+        name: float(
+            sum(weight for weight, (_, faults) in zip(weights, ranked, strict=True) if name in faults) / weights.sum()
+        )
         for name in FAULTS
     }

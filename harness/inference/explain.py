@@ -152,7 +152,9 @@ def _elsewhere(problem: Problem, best: Fit, free: Mask) -> Fit:
 
 def _order_of_lag(problem: Problem, best: Fit, free: Mask) -> Fit:
     """The fit with low-passes of second order, if that is clearly better."""
-    if not any(problem.unknowns.nuisances_of(best.u, r)[:, NUISANCES.index("lag")].max() > 2e-4 for r in range(len(problem.runs))):
+    if not any(
+        problem.unknowns.nuisances_of(best.u, r)[:, NUISANCES.index("lag")].max() > 2e-4 for r in range(len(problem.runs))
+    ):
         return best
     for run in problem.runs:
         run.order = 2
@@ -174,7 +176,9 @@ def update_gap(problem: Problem, u: Array, r: int) -> None:
     beside = []
     for n in range(FLIGHTS):
         other = u.copy()
-        other[:N_FAULTS] = np.clip(u[:N_FAULTS] + n * HAIR, problem.unknowns.low[:N_FAULTS], problem.unknowns.high[:N_FAULTS])
+        other[:N_FAULTS] = np.clip(
+            u[:N_FAULTS] + n * HAIR, problem.unknowns.low[:N_FAULTS], problem.unknowns.high[:N_FAULTS]
+        )
         beside.append(problem.setting(other, r))
     flights = run.judge.fly_all(beside)
     width = max(1, round(RIPPLE / run.measured.trial.step))
@@ -190,9 +194,7 @@ def learn(problem: Problem, u: Array) -> None:
         update_gap(problem, u, r)
 
 
-def explain(
-    problem: Problem, faults: Sequence[str], on_step: Callable[[str], object] = lambda text: None
-) -> Explained:
+def explain(problem: Problem, faults: Sequence[str], on_step: Callable[[str], object] = lambda text: None) -> Explained:
     """The explanations of the problem's runs by any of the `faults`."""
     around, loads = largest(problem, faults, on_step)
     own = problem.unknowns

@@ -43,7 +43,9 @@ def left(run: Run, rest: Array, curves: Array) -> Left:
     width = max(SMOOTHED_ROWS if measured.is_slow else 1, round(SMOOTHING / apart))
     smoothed = uniform_filter1d(held, width, axis=0)
     rows = np.maximum(used.sum(axis=0), 1)
-    white = np.array([noise_of(filled(measured.time, np.where(used[:, k], rest[:, k], np.nan))) for k in range(rest.shape[1])])
+    white = np.array(
+        [noise_of(filled(measured.time, np.where(used[:, k], rest[:, k], np.nan))) for k in range(rest.shape[1])]
+    )
     variance = white**2 / width
     if measured.is_slow:
         variance = variance * (1.0 + 3.0 * np.sqrt(2.0 * width / rows))
@@ -71,7 +73,9 @@ def _regressors(curves: Array, time: Array, angle: Array) -> Array:
         slope = np.gradient(series, time)
         slope /= max(float(np.std(slope)), 1e-300)
         for lag in LAGS:
-            parts += [np.interp(time - lag, time, each) for each in (series, np.tanh(20.0 * series), np.clip(slope, -4.0, 4.0))]
+            parts += [
+                np.interp(time - lag, time, each) for each in (series, np.tanh(20.0 * series), np.clip(slope, -4.0, 4.0))
+            ]
     return np.column_stack(parts)
 
 

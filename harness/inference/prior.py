@@ -38,9 +38,7 @@ class Prior:
     def without(self, names: Sequence[str]) -> "Prior":
         """The same without these, which are taken as exact."""
         kept = [place for place, name in enumerate(self.names) if name not in names]
-        return Prior(
-            tuple(self.names[place] for place in kept), self.values[kept], self.covariance[np.ix_(kept, kept)]
-        )
+        return Prior(tuple(self.names[place] for place in kept), self.values[kept], self.covariance[np.ix_(kept, kept)])
 
 
 def prior_of(actuator: Actuator, parameters: Mapping[str, float], *, averaged: bool = True) -> Prior:

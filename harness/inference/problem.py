@@ -118,7 +118,9 @@ class Problem:
             here = [at for at in flown if (at < own.parameters.stop or load.start <= at < load.stop) and not self.dead[at]]
             base, slopes = self._slopes(u, r, here)
             for place, parts in shared.items():
-                slopes[place] = sum(factor * slopes[other] for other, factor in parts if other in slopes)
+                known = [factor * slopes[other] for other, factor in parts if other in slopes]
+                if known:
+                    slopes[place] = np.sum(known, axis=0)
             places = [at for at in slopes if free[at]]
             rest = run.white(base - run.data)
             columns = run.white(np.stack([slopes[at] for at in places], axis=-1)) if places else np.empty((len(rest), 0))
@@ -175,7 +177,7 @@ class Problem:
         reach = np.where(chosen < N_FAULTS, FAULT_REACH, REACH)
         for left in reversed(range(most)):
             fit = self.linear(u, free)
-            root = np.linalg.cholesky(fit.hessian[np.ix_(chosen, chosen)]).T
+            root = np.asarray(np.linalg.cholesky(fit.hessian[np.ix_(chosen, chosen)]).T, dtype=np.float64)
             target = -np.linalg.solve(root.T, fit.gradient[chosen])
             moved = None
             for _ in range(MOST_HALVINGS if left else 0):

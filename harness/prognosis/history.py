@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from harness.actuators.actuator import DEFAULT, Output
+from harness.actuators.actuator import DEFAULT, Actuator
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
 from harness.files.reader import is_readable
@@ -105,8 +105,8 @@ def identify_all(
     limits: Mapping[str, float],
     threshold: float,
     workers: int,
-    output: Output = DEFAULT.output,
     columns: Mapping[str, str] | None = None,
+    actuator: Actuator = DEFAULT,
     on_flight: Callable[[], object] = lambda: None,
 ) -> list[IdentifiedFlight]:
     """Identify every flight with the model `fidelity`, in `workers` processes (0: one a core).
@@ -114,7 +114,7 @@ def identify_all(
     The other options are those of `identify` and of `read_measured`; `on_flight` is called after each flight. A flight that
     cannot be used stops nothing; HarnessError if none can.
     """
-    shared = (fmus, fidelity, dict(parameters), dict(limits), threshold, output, dict(columns or {}))
+    shared = (fmus, fidelity, dict(parameters), dict(limits), threshold, dict(columns or {}), actuator)
     with processes(workers) as pool:
         waiting = [pool.submit(_identify, flight, *shared) for flight in flights]
         found = []
@@ -133,12 +133,20 @@ def _identify(
     parameters: dict[str, float],
     limits: dict[str, float],
     threshold: float,
-    output: Output,
     columns: dict[str, str],
+    actuator: Actuator,
 ) -> IdentifiedFlight:
     try:
-        run = read_measured(flight.path, parameters, output, columns)
-        diagnosis = identify(run, fmus=fmus, fidelity=fidelity, parameters=parameters, limits=limits, threshold=threshold)
+        run = read_measured(flight.path, parameters, actuator.output, columns)
+        diagnosis = identify(
+            run,
+            fmus=fmus,
+            fidelity=fidelity,
+            parameters=parameters,
+            actuator=actuator,
+            limits=limits,
+            threshold=threshold,
+        )
     except HarnessError as error:
         return IdentifiedFlight(flight, {}, str(error))
     if diagnosis.complaints:

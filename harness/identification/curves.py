@@ -1,0 +1,37 @@
+"""The curves of a diagnosis: what was measured, what the healthy and the identified model would have logged, what is left."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.inference.explain import Explained
+from harness.inference.left import Left, left
+from harness.inference.unknowns import N_FAULTS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Of one run: `predicted` and `healthy`, with the faults found and without any, shape (n_rows, n_channels), in the
+    channels' units; what is `left` of each channel, and its `noise`, shape (n_channels,), in its unit, the deviation of all
+    that the model does not say."""
+
+    predicted: Array = field(repr=False)
+    healthy: Array = field(repr=False)
+    left: Left
+    noise: Array
+
+
+def curves_of(explained: Explained, r: int = 0) -> Curves:
+    """The curves of run `r` at the best explanation; the healthy ones with its nuisances."""
+    problem, u = explained.problem, explained.best.fit.u
+    run = problem.runs[r]
+    predicted = problem.seen(u, r)
+    healthy = u.copy()
+    healthy[:N_FAULTS] = 0.0
+    rest = predicted - run.data
+    rows = np.maximum((run.weight > 0.0).sum(axis=0), 1)
+    noise = np.sqrt(np.sum(np.where(run.weight > 0.0, rest, 0.0) ** 2, axis=0) / rows)
+    return Curves(predicted, problem.seen(healthy, r), left(run, rest, predicted), noise)
