@@ -51,11 +51,13 @@ class Angle(FaultParameter):
 class Group:
     """Faults of one kind on several parts; the bench draws one of them at a time.
 
-    `all_alike`: remark for a run in which all of them have grown alike, for which something else may be the cause.
+    `all_alike`: remark for a run in which all of them have grown alike, for which something else may be the cause. `most`: of
+    them that are told together.
     """
 
     name: str
     all_alike: str
+    most: int = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,8 +138,8 @@ IN_PHASES = "a run whose phase currents are logged"
 SLOW = "a slow run with reversals, its position measured behind the gear"
 TURNING = "a run in which the motor turns fast enough for a row in every eighth of an electrical turn, and slowly too"
 MOVING = "a run whose command moves fast"
-OFFSETS = Group("current_offset", "all three current sensors are off alike, which a star connection does not show")
-GAINS = Group("current_gain", "all three current sensors are wrong alike: mechanics.J or motor.K_e off would look the same")
+OFFSETS = Group("current_offset", "", most=2)  # alike in all three phases, a star connection does not show them
+GAINS = Group("current_gain", "", most=2)  # alike in all three, they are a torque constant
 
 
 def _turns(phase: str) -> Fault:

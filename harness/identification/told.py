@@ -54,7 +54,7 @@ def nuisances_of(found: Explained) -> dict[str, dict[str, Any]]:
                     "sigma": abs(scale) * float(spread[k, kind]),
                     "unit": UNITS.get(label, channel.unit),
                 }
-    if found.loads:
+    if found.load != "none":
         run, place = found.problem.runs[0], own.loads[0]
         curve = run.loads @ found.best.fit.u[place]
         travel = measured.output.scale("load_torque")
@@ -94,7 +94,7 @@ def remarks_of(found: Explained, estimates: Sequence[Estimate], untold: Sequence
     for members in KINDS.values():
         items = [by_name[fault.name] for fault in members]
         alike = max(item.low for item in items) < min(item.high for item in items)
-        if (group := members[0].group) and alike and all(item.alarm for item in items):
+        if (group := members[0].group) and group.all_alike and alike and all(item.alarm for item in items):
             remarks.append(group.all_alike)
     for name, fault in FAULTS.items():
         item = by_name[name]

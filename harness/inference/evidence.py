@@ -29,6 +29,8 @@ ALIKE = 6.0
 """Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20."""
 BROAD, DEEP, MOST = 24, 12, 5
 """Explanations of one size from which larger ones are made: of two faults, of more; and the most faults of one."""
+CLOSE = 0.5
+"""Cosine of the angle between what two faults move, all else following, from which one may be taken for the other."""
 Faults = tuple[str, ...]
 
 
@@ -98,13 +100,22 @@ class Profile:
         u[:N_FAULTS] = z
         return u
 
+    def confusable(self, name: str) -> list[str]:
+        """The other faults that move what was measured much as `name` does, those that do most so first."""
+        curvature = self.root.T @ self.root
+        size = np.sqrt(np.diag(curvature))
+        alike = np.abs(curvature) / np.outer(size, size)
+        own = coordinates.PLACES[name]
+        close = {other: float(alike[np.ix_(own, coordinates.PLACES[other])].max()) for other in self.able if other != name}
+        return sorted((other for other in close if close[other] > CLOSE), key=lambda other: -close[other])
+
     def ranked(self) -> list[tuple[float, Faults]]:
         """(penalised cost, faults), best first: all sets of up to two faults, then larger ones made of the best."""
         found: dict[Faults, float] = {}
 
         def try_all(sets: Sequence[Faults]) -> None:
             for faults in sets:
-                if faults not in found and not any(FAULTS[name].alone in faults for name in faults):
+                if faults not in found and tellable(faults):
                     found[faults] = penalised(self.cost(faults)[0], faults)
 
         for size in range(3):
@@ -122,6 +133,13 @@ class Profile:
             if min(found.values()) >= before:
                 break
         return sorted((cost, faults) for faults, cost in found.items())
+
+
+def tellable(faults: Faults) -> bool:
+    """Whether a run can tell these faults together at all."""
+    groups = [fault.group for name in faults if (fault := FAULTS[name]).group]
+    many = any(groups.count(group) > group.most for group in groups if group)
+    return not many and not any(FAULTS[name].alone in faults for name in faults)
 
 
 def _others(fit: Fit) -> NDArray[np.intp]:

@@ -175,10 +175,11 @@ class Problem:
         u, radius = np.clip(u, own.low, own.high), 1.0
         chosen = np.flatnonzero(free & ~self.dead)
         reach = np.where(chosen < N_FAULTS, FAULT_REACH, REACH)
+        u = self._flyable(u)
         for left in reversed(range(most)):
             fit = self.linear(u, free)
             root = np.asarray(np.linalg.cholesky(fit.hessian[np.ix_(chosen, chosen)]).T, dtype=np.float64)
-            target = -np.linalg.solve(root.T, fit.gradient[chosen])
+            target = np.asarray(-np.linalg.solve(root.T, fit.gradient[chosen]), dtype=np.float64)
             moved = None
             for _ in range(MOST_HALVINGS if left else 0):
                 step = _bounded(root, target, own, u, chosen, radius * reach)
@@ -195,6 +196,14 @@ class Problem:
                 return fit
             u = moved
         raise AssertionError("a search of no step")
+
+    def _flyable(self, u: Array) -> Array:
+        """`u`, or, if the model cannot fly there, a place nearer to what was known before."""
+        for _ in range(MOST_HALVINGS):
+            if np.isfinite(self.cost(u)):
+                return u
+            u = 0.5 * (u + self.unknowns.mean)
+        return self.unknowns.mean.copy()
 
     def aligned(self, u: Array) -> Array:
         """`u` with the shifts at which each channel of a slow log is nearest to the data."""

@@ -5,6 +5,7 @@ All are scaled: faults count spans from healthy, the others standard deviations 
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from harness.logs.shown import value_of
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+Load = Literal["none", "constant", "varying"]
+"""What an unknown load may be. None and a small one differ by a jump, for a load holds the shaft at one flank of its play."""
 FAULT_SIGMA = 3.0
 """Standard deviation, in spans, of a pull towards healthy: it decides only what the data leave open."""
 MOST = 8.0
@@ -106,18 +109,17 @@ class Unknowns:
         value = abs(float(self.prior.values[place]))
         return min(STEP, MOST_STEP * value / float(self.scales[place])) if value else STEP
 
-    def mask(self, faults: Sequence[str] = (), loads: Sequence[str] = ()) -> Mask:
-        """Which unknowns are free: parameters and nuisances always, the `faults` named, the `loads` (constant, spline)."""
+    def mask(self, faults: Sequence[str] = (), load: Load = "none") -> Mask:
+        """Which unknowns are free: parameters and nuisances always, the `faults` named, and a `load`."""
         free = np.ones(self.size, dtype=bool)
         free[self.faults] = False
         for name in faults:
             free[coordinates.PLACES[name]] = True
-        for run, nuisances, load in zip(self.runs, self.nuisances, self.loads, strict=True):
+        for run, nuisances, place in zip(self.runs, self.nuisances, self.loads, strict=True):
             free[nuisances][GAP :: len(NUISANCES)] = self.shares and run.gap is not None
-            free[load] = False
-            if load.stop > load.start:
-                free[load.start] = "constant" in loads
-                free[load.start + 1 : load.stop] = "spline" in loads
+            free[place.start : place.stop] = load == "varying"
+            if place.stop > place.start:
+                free[place.start] = load != "none"
         return free
 
     def in_flight(self, at: int) -> bool:

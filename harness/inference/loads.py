@@ -1,0 +1,51 @@
+"""Whether runs need an unknown load: none, a constant one, or one that varies.
+
+None and a small load differ by a jump, for a load holds the shaft at one flank of its play: no slope at none tells what a load
+would do. So loads of either sign are tried.
+"""
+
+from scipy.stats import chi2
+
+from harness.inference.contest import Explanation
+from harness.inference.evidence import Faults, penalised
+from harness.inference.problem import Array, Fit, Problem
+from harness.inference.unknowns import Load
+
+LEVEL = 1e-4
+"""Level of the test for an unknown load."""
+FEW = 5
+"""Linearisations of a fit that only has to tell whether there is a load."""
+TRIED = 0.5
+"""Size of the loads that are tried, in standard deviations."""
+
+
+def needed(problem: Problem, best: Explanation, load: Load, *, explained: bool) -> tuple[Faults, Array, Load] | None:
+    """The faults, a place and the load to go on from, if the runs are explained better by a load that is more than `load`: with
+    the faults of the `best` explanation, or without any. `explained`: whether `best` leaves nothing; then a load that varies is
+    not looked for."""
+    own = problem.unknowns
+    places = [place.start for place in own.loads if place.stop > place.start]
+    if not places or load == "varying":
+        return None
+    least, found = best.cost, None
+    for faults in dict.fromkeys((best.faults, ())):
+        u = best.fit.u.copy()
+        if not faults:
+            u[own.faults] = 0.0
+        fits = [_from(problem, u, faults, places, sign) for sign in (1.0, -1.0)] if load == "none" else [best.fit]
+        constant = min(fits, key=lambda fit: fit.cost)
+        tries: list[tuple[Fit, Load, int]] = [(constant, "constant", 1)]
+        if not explained:
+            varying = problem.solve(constant.u, own.mask(faults, "varying"), most=FEW)
+            tries.append((varying, "varying", int((varying.free & ~constant.free).sum()) + 1))
+        for fit, kind, degrees in tries:
+            cost = penalised(fit.cost, faults) + float(chi2.isf(LEVEL, degrees))
+            if kind != load and cost < least:
+                least, found = cost, (faults, fit.u, kind)
+    return found
+
+
+def _from(problem: Problem, u: Array, faults: Faults, places: list[int], sign: float) -> Fit:
+    u = u.copy()
+    u[places] = sign * TRIED
+    return problem.solve(u, problem.unknowns.mask(faults, "constant"), most=FEW)
