@@ -23,10 +23,12 @@ Array = NDArray[np.float64]
 
 FALSE_ALARM = 0.01
 """Probability that a healthy run is alarmed, all faults together."""
-RARE = 5.0
-"""What a rare fault has to gain beyond that: odds of 12, so that of two that fit alike the common one is told first (ours)."""
+RARE = 10.0
+"""What a rare fault has to gain beyond that, so that of two that fit alike the common one is told first: as much as stiction
+makes the cost rough (ours)."""
 ALIKE = 6.0
-"""Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20."""
+"""Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20, whether their faults
+are rare or not."""
 BROAD, DEEP, MOST = 24, 12, 5
 """Explanations of one size from which larger ones are made: of two faults, of more; and the most faults of one."""
 CLOSE = 0.5
@@ -133,6 +135,11 @@ class Profile:
             if min(found.values()) >= before:
                 break
         return sorted((cost, faults) for faults, cost in found.items())
+
+
+def rarity(faults: Sequence[str]) -> float:
+    """What these faults have to gain because they are rare."""
+    return RARE * sum(FAULTS[name].rare for name in faults)
 
 
 def tellable(faults: Faults) -> bool:

@@ -14,8 +14,8 @@ from scipy.stats import chi2
 
 from harness.inference import loads
 from harness.inference.contest import LATER, Contest, Explanation
-from harness.inference.evidence import ALIKE, Profile, probabilities
-from harness.inference.gap import update_gap
+from harness.inference.evidence import ALIKE, Profile, probabilities, rarity
+from harness.inference.gap import update_scatter
 from harness.inference.left import Left, left
 from harness.inference.problem import Fit, Problem
 from harness.inference.sensors import LAG
@@ -35,7 +35,7 @@ LEARNT = 4
 """Most times that noise and gap are learnt: until the best explanation stays the same."""
 ORDER_PENALTY = float(chi2.isf(1e-3, 2))
 """What a low-pass of second order has to gain over one of first order."""
-SHORT_LAG = 2e-4
+SHORT_LAG = 5e-4
 """Time constants [s] of which the order does not show."""
 NO_LOAD: Load = "none"
 
@@ -59,7 +59,8 @@ class Explained:
     @property
     def alternatives(self) -> list[Explanation]:
         """Explanations that cannot be told from the best."""
-        return [other for other in self.explanations[1:] if other.cost < self.best.cost + ALIKE]
+        least = self.best.cost - rarity(self.best.faults)
+        return [other for other in self.explanations[1:] if other.cost - rarity(other.faults) < least + ALIKE]
 
 
 def what_is_left(problem: Problem, u: Array) -> list[Left]:
@@ -116,7 +117,7 @@ def learn(problem: Problem, u: Array) -> None:
     """Learn noise and gap of all runs from what is left at `u`."""
     for r, run in enumerate(problem.runs):
         run.learn(problem.rest(u, r))
-        update_gap(problem, u, r)
+        update_scatter(problem, u, r)
 
 
 def explain(problem: Problem, faults: Sequence[str], on_step: OnStep = lambda text: None) -> Explained:
@@ -135,7 +136,8 @@ def explain(problem: Problem, faults: Sequence[str], on_step: OnStep = lambda te
         profile, ranked = contest.held(faults)
         before, chosen, u = (chosen, load), contest.best.faults, contest.best.fit.u
         on_step("looking for a load")
-        if loaded := loads.needed(problem, contest.best, load, explained=worst(problem, u) <= SETTLED):
+        settled = worst(problem, u) <= SETTLED
+        if (chosen or not settled) and (loaded := loads.needed(problem, contest.best, load, explained=settled)):
             chosen, u, load = loaded
         if (chosen, load) == before:
             break

@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 RIPPLE = 0.01
 """Window [s] over which the judge's difference from the model is averaged: many periods of the inverter, few of a run."""
+SCATTER = 0.05
+"""Window [s] over which the scatter of the judge's flights is averaged."""
 FLIGHTS, HAIR = 4, 1e-9
 """Flights of the judge that are averaged, and by how much their faults differ, in spans: the ripple of hysteresis control is
 chaotic in rounding, and is drawn anew by each."""
@@ -18,17 +20,40 @@ chaotic in rounding, and is drawn anew by each."""
 
 def update_gap(problem: Problem, u: Array, r: int) -> None:
     """Compare the judge of run `r` with the model at `u`: the mean of several flights, smoothed, in the log's rows."""
+    run = problem.runs[r]
+    apart = _apart(problem, u, r)
+    if apart is not None:
+        run.gap = apart.mean(axis=0)
+
+
+def update_scatter(problem: Problem, u: Array, r: int) -> None:
+    """Take from the judge of run `r` at `u` how far its flights are from each other, and the gap."""
+    run = problem.runs[r]
+    apart = _apart(problem, u, r)
+    if apart is None:
+        return
+    run.gap = apart.mean(axis=0)
+    rows = float(np.median(np.diff(run.measured.time)))
+    width = max(1, round(SCATTER / rows))
+    variance = uniform_filter1d(apart.var(axis=0, ddof=1), width, axis=0)
+    run.scatter = variance * max(1.0, RIPPLE / rows)
+
+
+def _apart(problem: Problem, u: Array, r: int) -> Array | None:
+    """The judge's difference from the model in each of FLIGHTS flights, shape (FLIGHTS, n_rows, n_channels), smoothed; None
+    without a judge, or where it cannot fly."""
     run, own = problem.runs[r], problem.unknowns
     if run.judge is None:
-        return
+        return None
     beside = []
     for n in range(FLIGHTS):
         other = u.copy()
         other[:N_FAULTS] = np.clip(u[:N_FAULTS] + n * HAIR, own.low[:N_FAULTS], own.high[:N_FAULTS])
         beside.append(problem.setting(other, r))
-    flights = run.judge.fly_all(beside)
+    flights = np.array(run.judge.fly_all(beside))
     if not np.isfinite(flights).all():
-        return
+        return None
     width = max(1, round(RIPPLE / run.measured.trial.step))
-    apart = uniform_filter1d(np.mean(flights, axis=0) - problem.curves(u, r), width, axis=0)
-    run.gap = run.measured.observer.rows(apart, np.zeros(apart.shape[1]))
+    smooth = uniform_filter1d(flights - problem.curves(u, r), width, axis=1)
+    shifts = np.zeros(smooth.shape[2])
+    return np.array([run.measured.observer.rows(each, shifts) for each in smooth])

@@ -29,17 +29,23 @@ FLOOR, STILL = 1e-4, 1e-5
 
 @dataclass(frozen=True)
 class Noise:
-    """An autoregression of a channel's noise: `sigma`, the deviation of what it leaves, in the channel's unit, and its
-    `coefficients`, shape (order,)."""
+    """An autoregression of a channel's noise: `sigma`, the deviation of what it leaves, in the channel's unit, its
+    `coefficients`, shape (order,), and the `total` deviation, that of white noise being `sigma`."""
 
     sigma: float
     coefficients: Array = field(default_factory=lambda: np.empty(0))
+    total: float = 0.0
 
     def white(self, rest: Array) -> Array:
         """Rest (n_rows, ...) in the channel's unit, filtered to white noise of deviation one."""
         if not len(self.coefficients):
             return rest / self.sigma
         return np.asarray(lfilter(np.r_[1.0, -self.coefficients], [1.0], rest, axis=0)) / self.sigma
+
+    @property
+    def variance(self) -> float:
+        """Of the noise itself."""
+        return max(self.total, self.sigma) ** 2
 
     def drawn(self, rng: np.random.Generator, rows: int) -> Array:
         """A draw of the noise, shape (rows,), once it has settled."""
@@ -75,4 +81,4 @@ def learnt(rest: Array, weighed: Mask, span: float, least: float) -> Noise:
     if best:
         moments[0] *= 1.0 + WHITE
     coefficients, variance = model(best)
-    return Noise(float(np.sqrt(variance)), coefficients)
+    return Noise(float(np.sqrt(variance)), coefficients, float(np.sqrt(moments[0])))

@@ -31,7 +31,9 @@ class Run:
     """A measured run with the `model` that is searched for it and the `judge`, a better model, which is flown now and then.
 
     `weight` (n_rows, n_channels): 0 in rows that say nothing, 1 in others, less in rows that a robust loss holds back.
-    `noises`: of each channel. `gap` (n_rows, n_channels): the judge's difference from the model where it was last compared.
+    `noises`: of each channel. `gap` (n_rows, n_channels): the judge's difference from the model where it was last compared;
+    `scatter`, same shape: variance of the chance in the judge's flights, as white noise that says as little. It lowers the
+    weight of rows in which one right model differs from another.
     """
 
     model: Flights
@@ -40,6 +42,7 @@ class Run:
     noises: list[Noise] = field(init=False)
     weight: Array = field(init=False)
     gap: Array | None = field(init=False, default=None)
+    scatter: Array | float = field(init=False, default=0.0)
     loads: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -87,9 +90,13 @@ class Run:
         channel after channel, shape (n_residuals, ...)."""
         rows = []
         for k, own in enumerate(self.noises):
-            weight = self.weight[:, k].reshape(-1, *[1] * (rest.ndim - 2))
+            weight = self._weights()[:, k].reshape(-1, *[1] * (rest.ndim - 2))
             rows.append(own.white(rest[:, k] * weight)[self.measured.weighed[:, k]])
         return np.concatenate(rows)
+
+    def _weights(self) -> Array:
+        variances = np.array([own.variance for own in self.noises])
+        return np.asarray(self.weight / np.sqrt(1.0 + self.scatter / variances))
 
     def learn(self, rest: Array) -> None:
         """Outliers and noise from what the model leaves over, shape (n_rows, n_channels)."""
