@@ -24,6 +24,7 @@ from harness.inference.measured import Measured
 from harness.inference.prior import prior_of
 from harness.inference.problem import Problem
 from harness.inference.run import Run
+from harness.inference.thinned import thinned
 
 TOLERANCE = EXPLAINED
 
@@ -111,7 +112,7 @@ def identify(
     exact = fidelity == judging
     prior = prior_of(actuator, given, averaged=not exact)
     with threadpool_limits(1, "blas"):  # more threads of it cost 1.7 times the CPU, which the flights need
-        measured = decided(measured, fmus, searched, given, prior)
+        measured = decided(thinned(measured), fmus, searched, given, prior)
         with Flights(fmus, searched, measured, given) as model, Flights(fmus, judging, measured, given) as judge:
             problem = Problem([Run(model, judge)], prior, shares=not exact)
             able = [name for name in FAULTS if not FAULTS[name].without_effect(given)]

@@ -71,7 +71,7 @@ def estimates_of(explained: Explained, limits: Mapping[str, float], threshold: f
     """
     estimates: list[Estimate] = []
     everything = explained.around.free & ~explained.problem.dead
-    full = explained.around.newton(everything), explained.around.covariance(everything)
+    full = explained.around.newton(everything), explained.around.robust(everything)
     for name, fault in FAULTS.items():
         found = _found(name, explained, full)
         if found is None:
@@ -101,7 +101,7 @@ def _found(name: str, explained: Explained, full: tuple[Array, Array]) -> _Found
     low, high = explained.problem.unknowns.low[places], explained.problem.unknowns.high[places]
     return _Found(
         healthy + span * np.clip(u[places], low, high),
-        around.covariance(beside)[np.ix_(places, places)] * scale,
+        around.robust(beside)[np.ix_(places, places)] * scale,
         (healthy + span * np.clip(full[0][places], low, high), full[1][np.ix_(places, places)] * scale),
         chosen,
         explained.probability[name],

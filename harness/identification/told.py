@@ -76,9 +76,7 @@ def shifts_of(found: Explained) -> list[float]:
 def alternatives_of(found: Explained) -> list[dict[str, Any]]:
     """Other faults that explain the run as well: their names, values in the ports' units, and by how much -2 log likelihood,
     with what each fault has to gain, is worse than the best's."""
-    return [
-        {"faults": _values(other.faults, other.fit.u), "worse": other.cost - found.best.cost} for other in found.alternatives
-    ]
+    return [{"faults": _values(other.faults, other.fit.u), "worse": found.worse(other)} for other in found.alternatives]
 
 
 def _values(faults: Sequence[str], u: Any) -> dict[str, float]:
@@ -103,7 +101,7 @@ def remarks_of(found: Explained, estimates: Sequence[Estimate], untold: Sequence
     for other in found.alternatives:
         if set(other.faults) != set(found.best.faults) and (alarmed or other.faults):
             told = ", ".join(f"{name} = {value:.4g}" for name, value in _values(other.faults, other.fit.u).items())
-            odds = np.exp(0.5 * (other.cost - found.best.cost))
+            odds = np.exp(0.5 * (other.fit.cost - found.best.fit.cost))
             remarks.append(f"explained nearly as well by {told or 'no fault at all'} (odds 1 to {odds:.2g})")
     remarks += _beside(found)
     named = [f"{' and '.join(group.members)}: {group.experiment}" for group in untold if set(group.members) & set(FAULTS)]

@@ -4,14 +4,15 @@ A model with the gap of its own place is the judge there, to first order; compar
 explanation would be held to that one's errors.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.faults import FAULTS
 from harness.inference import coordinates
-from harness.inference.evidence import Faults, Profile, penalised, tellable
+from harness.inference.evidence import PENALTIES, Faults, Profile, penalised, tellable
 from harness.inference.gap import update_gap
 from harness.inference.problem import ENOUGH, Fit, Problem
 from harness.inference.unknowns import N_FAULTS, Load
@@ -36,10 +37,8 @@ MOVED = 0.02
 
 @dataclass(frozen=True)
 class Explanation:
-    """A set of faults that explains the runs, with its penalised -2 log likelihood; `gaps`: the judge's difference from the
-    model there, of each run."""
+    """A set of faults that explains the runs: `gaps`: the judge's difference from the model there, of each run."""
 
-    cost: float
     faults: Faults
     fit: Fit = field(repr=False)
     gaps: tuple[Array | None, ...] = field(repr=False)
@@ -51,17 +50,22 @@ class Contest:
     def __init__(self, problem: Problem, load: Load) -> None:
         self.problem, self.load = problem, load
         self.entries: dict[Faults, Explanation] = {}
+        self.penalties: Mapping[str, float] = PENALTIES
 
     @property
     def best(self) -> Explanation:
         """The best so far."""
-        return min(self.entries.values(), key=lambda item: item.cost)
+        return min(self.entries.values(), key=self.cost)
+
+    def cost(self, item: Explanation) -> float:
+        """Its penalised -2 log likelihood."""
+        return penalised(item.fit.cost, item.faults, self.penalties)
 
     def enter(self, faults: Faults, u: Array) -> None:
         """Fit these faults from `u`, with the gap where the fit ends; the better of this and what was found before is kept."""
         free = self.problem.unknowns.mask(faults, self.load)
         fit = self._scanned(self.problem.solve(u, free, most=LATER))
-        hopeless = bool(self.entries) and penalised(fit.cost, faults) > self.best.cost + REACH
+        hopeless = bool(self.entries) and penalised(fit.cost, faults, self.penalties) > self.cost(self.best) + REACH
         for _ in range(0 if hopeless else 2):
             at = fit.u
             for r in range(len(self.problem.runs)):
@@ -69,8 +73,8 @@ class Contest:
             fit = self.problem.solve(at, free, most=LATER)
             if np.max(np.abs(fit.u[:N_FAULTS] - at[:N_FAULTS])) <= MOVED:
                 break
-        found = Explanation(penalised(fit.cost, faults), faults, fit, tuple(run.gap for run in self.problem.runs))
-        if faults not in self.entries or found.cost < self.entries[faults].cost:
+        found = Explanation(faults, fit, tuple(run.gap for run in self.problem.runs))
+        if faults not in self.entries or fit.cost < self.entries[faults].fit.cost:
             self.entries[faults] = found
 
     def _scanned(self, fit: Fit) -> Fit:
@@ -98,12 +102,13 @@ class Contest:
         """The quadratic around the best, over all faults that are `able`, with its gaps, which stay in use."""
         own = self.problem.unknowns
         self.use(self.best)
-        return Profile.of(self.problem.linear(self.best.fit.u, own.mask(able, self.load)), own.low, own.high)
+        return Profile.of(self.problem.linear(self.best.fit.u, own.mask(able, self.load), blocks=True), own.low, own.high)
 
     def held(self, able: Sequence[str]) -> tuple[Profile, list[tuple[float, Faults]]]:
         """Hold the contest: enter what the quadratic ranks first, the best with one fault exchanged, and with one less; the
         quadratic, and its ranking."""
         profile = self.profile(able)
+        self.penalties = profile.penalties
         ranked = profile.ranked()
         first = self.best
         for cost, faults in ranked[:REFITTED]:
@@ -113,7 +118,7 @@ class Contest:
         self._with_one_less()
         for item in list(self.entries.values()):
             best = self.best
-            if item is not best and item.cost < best.cost + NEAR:
+            if item is not best and self.cost(item) < self.cost(best) + NEAR:
                 gone = [name for name in best.faults if name not in item.faults]
                 subset = set(item.faults) < set(best.faults)
                 place = without(best.fit, gone) if subset else np.r_[item.fit.u[:N_FAULTS], best.fit.u[N_FAULTS:]]
@@ -129,10 +134,12 @@ class Contest:
         """Try each fault of the best explanation exchanged for those that move much the same."""
         best = self.best
         for out in best.faults:
-            for other in profile.confusable(out)[:SWAPPED]:
-                faults = tuple(name for name in profile.able if name == other or (name in best.faults and name != out))
+            twins = [name for name in FAULTS if FAULTS[name].alone == out]
+            for other in (*twins, *profile.confusable(out)[:SWAPPED]):
+                faults = tuple(name for name in FAULTS if name == other or (name in best.faults and name != out))
                 if other not in best.faults and faults not in self.entries and tellable(faults):
-                    self._enter_beside(best, faults, profile.place(faults))
+                    place = profile.place(faults) if other in profile.able else without(best.fit, [out])
+                    self._enter_beside(best, faults, place)
 
     def _with_one_less(self) -> None:
         """Leave out, one at a time, each fault of the best explanation that may not be needed."""

@@ -5,7 +5,7 @@ A fault enters an explanation if it lowers -2 log likelihood by more than a pena
 one with fewest faults is so the first.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -26,6 +26,8 @@ FALSE_ALARM = 0.01
 RARE = 10.0
 """What a rare fault has to gain beyond that, so that of two that fit alike the common one is told first: as much as stiction
 makes the cost rough (ours)."""
+UNTOLD = 40.0
+"""The same of a fault that no averaged model tells from another for certain: the other is told first, and this beside it."""
 ALIKE = 6.0
 """Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20, whether their faults
 are rare or not."""
@@ -36,18 +38,23 @@ CLOSE = 0.5
 Faults = tuple[str, ...]
 
 
+def rarity(faults: Sequence[str]) -> float:
+    """What these faults have to gain because they are rare."""
+    return sum(UNTOLD if FAULTS[name].alone else RARE if FAULTS[name].rare else 0.0 for name in faults)
+
+
 def penalty(name: str) -> float:
     """What the fault `name` has to gain in -2 log likelihood."""
     degrees = len(coordinates.PLACES[name])
-    return float(chi2.isf(FALSE_ALARM / len(FAULTS), degrees)) + (RARE if FAULTS[name].rare else 0.0)
+    return float(chi2.isf(FALSE_ALARM / len(FAULTS), degrees)) + rarity([name])
 
 
 PENALTIES = {name: penalty(name) for name in FAULTS}
 
 
-def penalised(cost: float, faults: Sequence[str]) -> float:
-    """-2 log likelihood with what its faults have to gain."""
-    return cost + sum(PENALTIES[name] for name in faults)
+def penalised(cost: float, faults: Sequence[str], penalties: Mapping[str, float] | None = None) -> float:
+    """-2 log likelihood with what its faults have to gain: `penalties`, or PENALTIES."""
+    return cost + sum((penalties or PENALTIES)[name] for name in faults)
 
 
 @dataclass(frozen=True)
@@ -61,7 +68,8 @@ class Profile:
     floor: float
     low: Array = field(repr=False)
     high: Array = field(repr=False)
-    able: tuple[str, ...] = tuple(FAULTS)
+    able: tuple[str, ...]
+    penalties: Mapping[str, float] = field(repr=False)
 
     @classmethod
     def of(cls, fit: Fit, low: Array, high: Array) -> "Profile":
@@ -77,7 +85,7 @@ class Profile:
         target = root @ here - np.linalg.solve(root.T, slope)
         floor = fit.cost - float(np.sum((root @ here - target) ** 2)) - float(fit.gradient[others] @ follows)
         able = tuple(name for name in FAULTS if fit.free[coordinates.PLACES[name]].all())
-        return cls(fit, root, target, floor, low[z], high[z], able)
+        return cls(fit, root, target, floor, low[z], high[z], able, _penalties(fit, able))
 
     def cost(self, faults: Faults) -> tuple[float, Array]:
         """The least cost with these faults alone, and where, shape (n_coordinates,)."""
@@ -118,7 +126,7 @@ class Profile:
         def try_all(sets: Sequence[Faults]) -> None:
             for faults in sets:
                 if faults not in found and tellable(faults):
-                    found[faults] = penalised(self.cost(faults)[0], faults)
+                    found[faults] = penalised(self.cost(faults)[0], faults, self.penalties)
 
         for size in range(3):
             try_all(list(combinations(self.able, size)))
@@ -137,16 +145,31 @@ class Profile:
         return sorted((cost, faults) for faults, cost in found.items())
 
 
-def rarity(faults: Sequence[str]) -> float:
-    """What these faults have to gain because they are rare."""
-    return RARE * sum(FAULTS[name].rare for name in faults)
-
-
 def tellable(faults: Faults) -> bool:
     """Whether a run can tell these faults together at all."""
     groups = [fault.group for name in faults if (fault := FAULTS[name]).group]
     many = any(groups.count(group) > group.most for group in groups if group)
     return not many and not any(FAULTS[name].alone in faults for name in faults)
+
+
+def _penalties(fit: Fit, able: Sequence[str]) -> dict[str, float]:
+    """PENALTIES, larger for a fault whose scores scatter more from block to block than the noise says: by the ratio of the two
+    (Kent, Biometrika 69 (1982) 19), the other unknowns taken as following."""
+    if not len(fit.scores):
+        return PENALTIES
+    others = _others(fit)
+    found = dict(PENALTIES)
+    for name in able:
+        ratios = [1.0]
+        for place in coordinates.PLACES[name]:
+            follow = np.linalg.solve(fit.hessian[np.ix_(others, others)], fit.hessian[others, place])
+            scores = fit.scores[:, place] - fit.scores[:, others] @ follow
+            cross = fit.data[place, others] @ follow
+            known = fit.data[place, place] - 2.0 * cross + follow @ fit.data[np.ix_(others, others)] @ follow
+            if known > 0.0:
+                ratios.append(float(scores @ scores) / float(known))
+        found[name] = max(ratios) * (PENALTIES[name] - rarity([name])) + rarity([name])
+    return found
 
 
 def _others(fit: Fit) -> NDArray[np.intp]:

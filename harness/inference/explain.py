@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from harness.faults import FAULTS
 from harness.inference import loads
 from harness.inference.contest import LATER, Contest, Explanation
 from harness.inference.evidence import ALIKE, Profile, probabilities, rarity
@@ -42,11 +43,12 @@ NO_LOAD: Load = "none"
 
 @dataclass(frozen=True)
 class Explained:
-    """What the runs say: `explanations`, best first; the `probability` of each fault; the unknown `load` that the runs need;
+    """What the runs say: `explanations`, best first, with their penalised -2 log likelihood `costs`; the `probability` of each fault; the unknown `load` that the runs need;
     and the quadratic `around` the best explanation over everything."""
 
     problem: Problem
     explanations: list[Explanation]
+    costs: list[float]
     probability: dict[str, float]
     load: Load
     around: Fit
@@ -59,8 +61,12 @@ class Explained:
     @property
     def alternatives(self) -> list[Explanation]:
         """Explanations that cannot be told from the best."""
-        least = self.best.cost - rarity(self.best.faults)
-        return [other for other in self.explanations[1:] if other.cost - rarity(other.faults) < least + ALIKE]
+        raw = [cost - rarity(item.faults) for cost, item in zip(self.costs, self.explanations, strict=True)]
+        return [item for item, cost in zip(self.explanations[1:], raw[1:], strict=True) if cost < raw[0] + ALIKE]
+
+    def worse(self, item: Explanation) -> float:
+        """By how much its penalised -2 log likelihood is more than the best's."""
+        return self.costs[self.explanations.index(item)] - self.costs[0]
 
 
 def what_is_left(problem: Problem, u: Array) -> list[Left]:
@@ -120,8 +126,9 @@ def learn(problem: Problem, u: Array) -> None:
         update_scatter(problem, u, r)
 
 
-def explain(problem: Problem, faults: Sequence[str], on_step: OnStep = lambda text: None) -> Explained:
-    """The explanations of the problem's runs by any of the `faults`, and a load if they need one."""
+def explain(problem: Problem, able: Sequence[str], on_step: OnStep = lambda text: None) -> Explained:
+    """The explanations of the problem's runs by any of the faults that are `able`, and a load if they need one."""
+    faults = [name for name in able if FAULTS[name].alone not in able]
     around, load = everything(problem, faults, on_step), NO_LOAD
     own = problem.unknowns
     profile = Profile.of(around, own.low, own.high)
@@ -137,13 +144,16 @@ def explain(problem: Problem, faults: Sequence[str], on_step: OnStep = lambda te
         before, chosen, u = (chosen, load), contest.best.faults, contest.best.fit.u
         on_step("looking for a load")
         settled = worst(problem, u) <= SETTLED
-        if (chosen or not settled) and (loaded := loads.needed(problem, contest.best, load, explained=settled)):
+        if (chosen or not settled) and (loaded := loads.needed(problem, contest, explained=settled)):
             chosen, u, load = loaded
         if (chosen, load) == before:
             break
     if chosen != before[0]:
         profile = contest.profile(faults)
-    explanations = sorted(contest.entries.values(), key=lambda item: item.cost)
-    weighed = {rank[1]: rank[0] for rank in ranked} | {item.faults: item.cost for item in explanations}
+    explanations = sorted(contest.entries.values(), key=contest.cost)
+    costs = [contest.cost(item) for item in explanations]
+    weighed = {rank[1]: rank[0] for rank in ranked} | {
+        item.faults: cost for item, cost in zip(explanations, costs, strict=True)
+    }
     probability = probabilities(sorted((cost, which) for which, cost in weighed.items()))
-    return Explained(problem, explanations, probability, contest.load, profile.fit)
+    return Explained(problem, explanations, costs, probability, contest.load, profile.fit)

@@ -6,7 +6,7 @@ would do. So loads of either sign are tried.
 
 from scipy.stats import chi2
 
-from harness.inference.contest import Explanation
+from harness.inference.contest import Contest
 from harness.inference.evidence import Faults, penalised
 from harness.inference.problem import Array, Fit, Problem
 from harness.inference.unknowns import Load
@@ -19,15 +19,15 @@ TRIED = 0.5
 """Size of the loads that are tried, in standard deviations."""
 
 
-def needed(problem: Problem, best: Explanation, load: Load, *, explained: bool) -> tuple[Faults, Array, Load] | None:
-    """The faults, a place and the load to go on from, if the runs are explained better by a load that is more than `load`: with
-    the faults of the `best` explanation, or without any. `explained`: whether `best` leaves nothing; then a load that varies is
-    not looked for."""
-    own = problem.unknowns
+def needed(problem: Problem, contest: Contest, *, explained: bool) -> tuple[Faults, Array, Load] | None:
+    """The faults, a place and the load to go on from, if the runs are explained better by a load that is more than the `contest`
+    had: with the faults of its best explanation, or without any. `explained`: whether that leaves nothing; then a load that
+    varies is not looked for."""
+    own, best, load = problem.unknowns, contest.best, contest.load
     places = [place.start for place in own.loads if place.stop > place.start]
     if not places or load == "varying":
         return None
-    least, found = best.cost, None
+    least, found = contest.cost(best), None
     for faults in dict.fromkeys((best.faults, ())):
         u = best.fit.u.copy()
         if not faults:
@@ -39,7 +39,7 @@ def needed(problem: Problem, best: Explanation, load: Load, *, explained: bool) 
             varying = problem.solve(constant.u, own.mask(faults, "varying"), most=FEW)
             tries.append((varying, "varying", int((varying.free & ~constant.free).sum()) + 1))
         for fit, kind, degrees in tries:
-            cost = penalised(fit.cost, faults) + float(chi2.isf(LEVEL, degrees))
+            cost = penalised(fit.cost, faults, contest.penalties) + float(chi2.isf(LEVEL, degrees))
             if kind != load and cost < least:
                 least, found = cost, (faults, fit.u, kind)
     return found

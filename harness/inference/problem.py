@@ -35,7 +35,8 @@ KEPT_PROMISE = 0.1
 class Fit:
     """The most likely place `u`, shape (size,), with what was `free`; `cost`: -2 log of the posterior there, comparable while
     the noise is the same. `hessian` and `gradient`: halves of those of the cost; `data`: the data's part of the Hessian,
-    without the prior. Rows and columns of what is not free hold nothing."""
+    without the prior. Rows and columns of what is not free hold nothing. `scores`, shape (n_blocks, size): the data's part of
+    the gradient, summed over blocks of BLOCK; none if they were not asked for."""
 
     u: Array
     cost: float
@@ -43,6 +44,7 @@ class Fit:
     gradient: Array = field(repr=False)
     data: Array = field(repr=False)
     free: Mask = field(repr=False)
+    scores: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
 
     def covariance(self, free: Mask | None = None) -> Array:
         """Laplace's approximation over what is `free` (else what was free), shape (size, size); 0 for the rest."""
@@ -50,6 +52,19 @@ class Fit:
         full = np.zeros(self.hessian.shape)
         full[np.ix_(chosen, chosen)] = np.linalg.inv(self.hessian[np.ix_(chosen, chosen)])
         return full
+
+    def robust(self, free: Mask) -> Array:
+        """The covariance over `free`, as by the scatter of the scores from block to block where that is more than the noise
+        says (White, Econometrica 50 (1982) 1): errors that the noise does not know have a correlation of their own."""
+        chosen = np.flatnonzero(free)
+        laplace = self.covariance(free)
+        inverse = laplace[np.ix_(chosen, chosen)]
+        scores = self.scores[:, chosen]
+        scattered = np.diag(inverse @ (scores.T @ scores) @ inverse)
+        known = np.diag(inverse @ self.data[np.ix_(chosen, chosen)] @ inverse)
+        grown = np.ones(len(laplace))
+        grown[chosen] = np.sqrt(np.maximum(1.0, (np.diag(inverse) + scattered - known) / np.diag(inverse)))
+        return laplace * np.outer(grown, grown)
 
     def newton(self, free: Mask) -> Array:
         """Where the quadratic has its minimum over `free`, all else as it is, shape (size,); bounds are not looked at."""
@@ -106,13 +121,15 @@ class Problem:
         off = u - self.unknowns.mean
         return float(off @ self.unknowns.precision @ off)
 
-    def linear(self, u: Array, free: Mask) -> Fit:
-        """The quadratic at `u` over what is `free`; a flight for each unknown that needs one, of all runs on all cores."""
+    def linear(self, u: Array, free: Mask, *, blocks: bool = False) -> Fit:
+        """The quadratic at `u` over what is `free`; a flight for each unknown that needs one, of all runs on all cores. With
+        `blocks`, its scores too."""
         own = self.unknowns
         shared = {place: parts for place, parts in own.products(u).items() if free[place]}
         needed = {other for parts in shared.values() for other, _ in parts}
         flown = [at for at in range(own.size) if (free[at] or at in needed) and at not in shared and own.in_flight(at)]
         data, gradient, cost = np.zeros((own.size, own.size)), np.zeros(own.size), self._pull(u)
+        scores: list[Array] = []
         for r, run in enumerate(self.runs):
             load = own.loads[r]
             here = [at for at in flown if (at < own.parameters.stop or load.start <= at < load.stop) and not self.dead[at]]
@@ -132,8 +149,14 @@ class Problem:
             data[np.ix_(where, where)] += columns.T @ columns
             gradient[where] += columns.T @ rest
             cost += float(rest @ rest)
+            if blocks:
+                own_scores = np.zeros((run.blocks.max() + 1, own.size))
+                for at, column in zip(places, columns.T, strict=True):
+                    own_scores[:, at] = np.bincount(run.blocks, column * rest, len(own_scores))
+                scores.append(own_scores)
         off = u - own.mean
-        return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free)
+        known = np.vstack(scores) if scores else np.empty((0, 0))
+        return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free, known)
 
     def _slopes(self, u: Array, r: int, places: list[int]) -> tuple[Array, dict[int, Array]]:
         """What run `r` would have logged at `u`, and its derivatives by the unknowns at `places`."""

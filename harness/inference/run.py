@@ -22,6 +22,8 @@ LOAD_SHARE = 0.015
 default actuator."""
 KNOT, MOST_KNOTS = 0.125, 40
 """Distance [s] of the knots of an unknown load, a cubic spline: it follows 2 Hz within 1 %; and the most of them."""
+BLOCK, BLOCK_ROWS = 0.05, 3.0
+"""Length [s] of the blocks whose scores are taken as independent, and its least rows."""
 FIRST_NOISE = 1e-3
 """Least noise of a channel, in its ranges, before any is learnt: no model is better."""
 
@@ -80,6 +82,15 @@ class Run:
         knots = np.r_[[inner[0]] * 3, inner, [inner[-1]] * 3]
         splines = BSpline.design_matrix(time, knots, 3).toarray()
         return np.column_stack([np.full(len(time), sigma), sigma * splines])
+
+    @property
+    def blocks(self) -> NDArray[np.intp]:
+        """The block of BLOCK seconds in which each white residual lies, those of each channel apart, shape (n_residuals,)."""
+        run = self.measured
+        length = max(BLOCK, BLOCK_ROWS * float(np.median(np.diff(run.time))))
+        block = ((run.time - run.time[0]) / length).astype(int)
+        count = int(block[-1]) + 1
+        return np.concatenate([k * count + block[run.weighed[:, k]] for k in range(run.weighed.shape[1])])
 
     def setting(self, parameters: dict[str, float], load: Array) -> Setting:
         """A flight's setting with the load's coefficients, shape (n_loads,)."""
