@@ -1,7 +1,7 @@
 """What a measured run says about an actuator: estimates, health, a verdict, and what the model cannot explain."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,20 @@ from harness.identification.between import decided
 from harness.identification.curves import Curves, curves_of
 from harness.identification.estimates import Estimate, estimates_of, hidden, without_effect
 from harness.identification.ripple import ripple
+from harness.identification.switch import PORT, open_switch
 from harness.identification.told import alternatives_of, nuisances_of, parameters_of, remarks_of, shifts_of, verdict_of
 from harness.identification.unexplained import left_without_faults, unexplained
-from harness.inference.explain import EXPLAINED, Explained, explain
+from harness.inference.explain import EXPLAINED, HOPELESS, Explained, explain
 from harness.inference.flights import Flights
 from harness.inference.groups import Group, groups
 from harness.inference.measured import Measured
-from harness.inference.prior import prior_of
+from harness.inference.prior import Prior, prior_of
 from harness.inference.problem import Problem
 from harness.inference.run import Run
 from harness.inference.thinned import thinned
 
 TOLERANCE = EXPLAINED
+SINGLE_PHASE = "LF"
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,33 @@ def models_for(fidelity: Fidelity) -> tuple[Fidelity, Fidelity]:
     return (FIDELITIES["ELF+"] if fidelity == judge else fidelity), judge
 
 
+def _able(model: Fidelity, parameters: Mapping[str, float]) -> list[str]:
+    """The faults that are looked for with a model: those that do something; of the rare ones, which show in single phases, none
+    with the model of one equivalent phase."""
+    return [
+        name
+        for name, fault in FAULTS.items()
+        if not fault.without_effect(parameters) and not (fault.rare and model.model == SINGLE_PHASE)
+    ]
+
+
+def _explained(
+    measured: Measured,
+    fmus: Path,
+    models: tuple[Fidelity, Fidelity],
+    given: Mapping[str, float],
+    prior: Prior,
+    able: Sequence[str],
+    on_step: Callable[[str], object],
+) -> tuple[Explained, Curves, int]:
+    """What the run says, with the model and the judge in `models`; its curves; and the flights that it took."""
+    searched, judging = models
+    with Flights(fmus, searched, measured, given) as model, Flights(fmus, judging, measured, given) as judge:
+        problem = Problem([Run(model, judge)], prior, shares=prior.averaged)
+        found = explain(problem, able, on_step)
+        return found, curves_of(found), model.count + judge.count
+
+
 def identify(
     measured: Measured,
     *,
@@ -109,20 +138,23 @@ def identify(
     started = time.perf_counter()
     searched, judging = models_for(fidelity)
     given = dict(parameters or {})
-    exact = fidelity == judging
-    prior = prior_of(actuator, given, averaged=not exact)
+    prior = prior_of(actuator, given, averaged=fidelity != judging)
     with threadpool_limits(1, "blas"):  # more threads of it cost 1.7 times the CPU, which the flights need
         measured = decided(thinned(measured), fmus, searched, given, prior)
-        with Flights(fmus, searched, measured, given) as model, Flights(fmus, judging, measured, given) as judge:
-            problem = Problem([Run(model, judge)], prior, shares=not exact)
-            able = [name for name in FAULTS if not FAULTS[name].without_effect(given)]
-            found = explain(problem, able, on_step)
-            curves = curves_of(found)
-            evaluations = model.count + judge.count
-    complaints = unexplained(curves, measured, tolerance, given, shifts_of(found))
+        able = _able(searched, given)
+        found, curves, evaluations = _explained(measured, fmus, (searched, judging), given, prior, able, on_step)
+        switch, rest = 0, float(curves.left.unexplained.max())
+        if rest > HOPELESS and not given.get(PORT):
+            on_step("looking for an open switch")
+            switch = open_switch(measured, fmus, (searched, judging), given, prior, rest)
+        if switch:
+            given[PORT] = float(switch)
+            found, curves, more = _explained(measured, fmus, (searched, judging), given, prior, [], on_step)
+            evaluations += more
+    complaints = [] if switch else unexplained(curves, measured, tolerance, given, shifts_of(found))
     estimates = without_effect(estimates_of(found, limits or {}, threshold), given)
-    rippled = ripple(curves, measured, given)
-    untold = groups(found.around, problem.unknowns, able)
+    rippled = "" if switch else ripple(curves, measured, given)
+    untold = groups(found.around, found.problem.unknowns, able)
     if complaints:
         estimates = [replace(item, health=None, alarm=False) for item in estimates]
         remarks = left_without_faults(curves, measured)
@@ -137,7 +169,7 @@ def identify(
         complaints=complaints,
         remarks=[*measured.remarks, *remarks],
         health=None if complaints or not healths else min(healths),
-        verdict=verdict_of(found, estimates, complaints, fidelity.name, threshold),
+        verdict=verdict_of(estimates, complaints, fidelity.name, threshold, switch),
         evaluations=evaluations,
         seconds=time.perf_counter() - started,
         parameters=parameters_of(found),

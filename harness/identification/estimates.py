@@ -21,6 +21,8 @@ IDENTIFIABLE_ANGLE = 0.5
 """The same for an angle [rad]; times the amplitude, IDENTIFIABLE holds too."""
 CHI_SQUARED_95 = float(chi2.ppf(0.95, 2))
 """95 % quantile of chi-squared with two degrees of freedom: an amplitude with an angle is a vector of two coordinates."""
+NOTHING_SHOWS = "nothing in this run shows it"
+NOT_LOOKED_FOR = "nothing in this run shows it, or this model does not have it"
 NORMAL_95 = 1.96
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
 
@@ -75,7 +77,7 @@ def estimates_of(explained: Explained, limits: Mapping[str, float], threshold: f
     for name, fault in FAULTS.items():
         found = _found(name, explained, full)
         if found is None:
-            estimates += _without(fault, "this model does not have it")
+            estimates += _untold(fault, NOT_LOOKED_FOR if fault.rare else NOTHING_SHOWS)
         elif fault.angle is not None:
             estimates += _vector(fault, fault.angle, found, limits.get(name), threshold)
         else:
@@ -119,14 +121,14 @@ def _still(item: Estimate, reason: str) -> Estimate:
     return Estimate(item.fault, item.unit, healthy, healthy, healthy, False, reason, None, False, False)
 
 
-def _without(fault: Fault, reason: str) -> list[Estimate]:
-    """The estimates of a fault that is not looked for."""
+def _untold(fault: Fault, reason: str) -> list[Estimate]:
+    """The estimates of a fault of which the run, or the model, tells nothing."""
     parts = [part for part in (fault, fault.angle) if part is not None]
     low, high = fault.searched
     return [
-        Estimate(part.name, part.unit, part.healthy, low, high, False, reason, None, False, False)
+        Estimate(part.name, part.unit, part.healthy, low, high, False, reason, None, False)
         if part is fault
-        else Estimate(part.name, part.unit, 0.0, -math.pi, math.pi, False, reason, None, False, False)
+        else Estimate(part.name, part.unit, 0.0, -math.pi, math.pi, False, reason, None, False)
         for part in parts
     ]
 

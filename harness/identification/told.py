@@ -150,19 +150,22 @@ def _words(kind: str, item: dict[str, Any]) -> str:
 
 
 def verdict_of(
-    found: Explained, estimates: Sequence[Estimate], complaints: Sequence[str], fidelity: str, threshold: float
+    estimates: Sequence[Estimate], complaints: Sequence[str], fidelity: str, threshold: float, switch: int = 0
 ) -> str:
-    """The verdict in a sentence: not explained, faulty, healthy, or healthy as far as the run tells."""
+    """The verdict in a sentence: not explained, faulty, healthy, or healthy as far as the run tells. `switch`: the number of one
+    that stays open."""
     if complaints:
         return f"not explained by {fidelity} and these faults: {'; '.join(complaints)}"
     alarms = [item for item in estimates if item.alarm]
     unknown = [e.fault for e in estimates if e.fault in FAULTS and e.effect and not e.identifiable and not e.alarm]
     rest = f"; not identifiable from this run: {', '.join(unknown)}" if unknown else ""
-    if not alarms:
+    if not alarms and not switch:
         healthy = "as far as this run tells, healthy" if unknown else "healthy"
         return f"{healthy}: no identifiable fault has lost more than {100.0 * threshold:g} % of its health{rest}"
     listed = [
         f"{item.fault} = {item.value:.4g} (health {'' if item.identifiable else 'at most '}{item.health:.2f})"
         for item in sorted(alarms, key=lambda alarm: alarm.health or 0)
     ]
+    if switch:
+        return f"faulty: open_switch = {switch}; what else there may be cannot be told beside it"
     return f"faulty: {', '.join(listed)}{rest}"

@@ -102,18 +102,29 @@ class Contest:
         """The quadratic around the best, over all faults that are `able`, with its gaps, which stay in use."""
         own = self.problem.unknowns
         self.use(self.best)
-        return Profile.of(self.problem.linear(self.best.fit.u, own.mask(able, self.load), blocks=True), own.low, own.high)
+        free = own.mask((*able, *self.best.faults), self.load)
+        return Profile.of(self.problem.linear(self.best.fit.u, free, blocks=True), own.low, own.high)
 
-    def held(self, able: Sequence[str]) -> tuple[Profile, list[tuple[float, Faults]]]:
-        """Hold the contest: enter what the quadratic ranks first, the best with one fault exchanged, and with one less; the
-        quadratic, and its ranking."""
+    @property
+    def near(self) -> list[Explanation]:
+        """The best and those that come near it, best first."""
+        least = self.cost(self.best) + NEAR
+        return sorted((item for item in self.entries.values() if self.cost(item) <= least), key=self.cost)
+
+    def held(self, able: Sequence[str], *, again: bool) -> tuple[Profile, list[tuple[float, Faults]]]:
+        """Hold the contest: enter what the quadratic ranks first, the best with one fault exchanged, and with one less; if
+        `again`, only what it ranks before the best of those that have come near. The quadratic, and its ranking."""
         profile = self.profile(able)
         self.penalties = profile.penalties
         ranked = profile.ranked()
         first = self.best
+        most = self.cost(first) if again else ranked[0][0] + REACH
         for cost, faults in ranked[:REFITTED]:
-            if cost <= ranked[0][0] + REACH and faults not in self.entries:
+            if cost <= most and faults not in self.entries:
                 self._enter_beside(first, faults, profile.place(faults))
+        if again and self.best is first:
+            self.use(first)
+            return profile, ranked
         self._exchange(profile)
         self._with_one_less()
         for item in list(self.entries.values()):

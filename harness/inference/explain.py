@@ -29,6 +29,10 @@ OnStep = Callable[[str], object]
 EXPLAINED = 0.003
 """Rest of a channel, as a fraction of its range, that counts as explained: three times what HF's plant leaves to ELF+ with any
 of the faults in an unsaturated run (ours)."""
+HOPELESS = 0.02
+"""The same from which no set of faults is weighed against another: what was measured is something else (ours)."""
+LOST = 0.1
+"""The same from which no more than one search is begun elsewhere."""
 SETTLED = 0.5 * EXPLAINED
 """Rest up to which a search is not begun again elsewhere: a false minimum of a shaft that sticks may leave as little as
 EXPLAINED (ours)."""
@@ -60,9 +64,15 @@ class Explained:
 
     @property
     def alternatives(self) -> list[Explanation]:
-        """Explanations that cannot be told from the best."""
+        """Explanations that cannot be told from the best, and do not only add to it."""
         raw = [cost - rarity(item.faults) for cost, item in zip(self.costs, self.explanations, strict=True)]
-        return [item for item, cost in zip(self.explanations[1:], raw[1:], strict=True) if cost < raw[0] + ALIKE]
+        most = self.best.fit.cost + 2.0 * ALIKE
+        pairs = zip(self.explanations[1:], raw[1:], strict=True)
+        return [
+            item
+            for item, cost in pairs
+            if cost < raw[0] + ALIKE and item.fit.cost < most and not set(self.best.faults) < set(item.faults)
+        ]
 
     def worse(self, item: Explanation) -> float:
         """By how much its penalised -2 log likelihood is more than the best's."""
@@ -99,7 +109,8 @@ def _elsewhere(problem: Problem, best: Fit) -> Fit:
     slow = any(run.measured.is_slow for run in problem.runs)
     for start in starts(problem, best.u):
         best = min(best, problem.solve(start, best.free), key=lambda fit: fit.cost)
-        if not slow and worst(problem, best.u) <= SETTLED:
+        rest = worst(problem, best.u)
+        if not slow and (rest <= SETTLED or rest > LOST):
             break
     return best
 
@@ -134,19 +145,26 @@ def explain(problem: Problem, able: Sequence[str], on_step: OnStep = lambda text
     profile = Profile.of(around, own.low, own.high)
     chosen = profile.ranked()[0][1]
     u = problem.solve(profile.place(chosen), own.mask(chosen), most=LATER).u
+    near: list[Explanation] = []
+    hopeless = worst(problem, around.u) > HOPELESS
+    looked = hopeless
     for _ in range(LEARNT):
         on_step("learning the noise")
         learn(problem, u)
         contest = Contest(problem, load)
         contest.enter(chosen, u)
+        for item in near:
+            contest.enter(item.faults, item.fit.u)
         on_step("weighing explanations")
-        profile, ranked = contest.held(faults)
-        before, chosen, u = (chosen, load), contest.best.faults, contest.best.fit.u
-        on_step("looking for a load")
+        profile, ranked = contest.held(faults, again=bool(near) or hopeless)
+        before, chosen, u, near = (chosen, load), contest.best.faults, contest.best.fit.u, contest.near[1:]
         settled = worst(problem, u) <= SETTLED
-        if (chosen or not settled) and (loaded := loads.needed(problem, contest, explained=settled)):
-            chosen, u, load = loaded
-        if (chosen, load) == before:
+        if not looked and (chosen or not settled):
+            on_step("looking for a load")
+            looked = True
+            if loaded := loads.needed(problem, contest, explained=settled):
+                (chosen, u, load), near = loaded, []
+        if (chosen, load) == before or (hopeless and worst(problem, u) > HOPELESS):
             break
     if chosen != before[0]:
         profile = contest.profile(faults)

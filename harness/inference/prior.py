@@ -24,11 +24,13 @@ T_STATIC, MODULATION = "mechanics.T_static", "inverter.modulation"
 @dataclass(frozen=True)
 class Prior:
     """Parameters that are not known exactly: `names` of ports, their `values`, shape (n,), in the ports' units, and
-    `covariance`, shape (n, n). A normal distribution; bounds are those of the ports."""
+    `covariance`, shape (n, n). A normal distribution; bounds are those of the ports. `averaged`: whether the model that is
+    fitted averages over the switching, and is not the judge itself."""
 
     names: tuple[str, ...] = ()
     values: Array = field(default_factory=lambda: np.empty(0))
     covariance: Array = field(default_factory=lambda: np.empty((0, 0)))
+    averaged: bool = True
 
     @property
     def sigmas(self) -> Array:
@@ -63,7 +65,7 @@ def prior_of(actuator: Actuator, parameters: Mapping[str, float], *, averaged: b
     if shaken:
         place = names.index(T_STATIC)
         covariance[place, place] += shaken**2
-    return Prior(names, np.array([value_of(name, parameters) for name in names]), covariance)
+    return Prior(names, np.array([value_of(name, parameters) for name in names]), covariance, averaged)
 
 
 def _ripples(parameters: Mapping[str, float]) -> bool:

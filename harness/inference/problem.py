@@ -155,8 +155,8 @@ class Problem:
                     own_scores[:, at] = np.bincount(run.blocks, column * rest, len(own_scores))
                 scores.append(own_scores)
         off = u - own.mean
-        known = np.vstack(scores) if scores else np.empty((0, 0))
-        return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free, known)
+        summed = np.vstack(scores) if scores else np.empty((0, 0))
+        return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free, summed)
 
     def _slopes(self, u: Array, r: int, places: list[int]) -> tuple[Array, dict[int, Array]]:
         """What run `r` would have logged at `u`, and its derivatives by the unknowns at `places`."""

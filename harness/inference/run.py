@@ -24,6 +24,8 @@ KNOT, MOST_KNOTS = 0.125, 40
 """Distance [s] of the knots of an unknown load, a cubic spline: it follows 2 Hz within 1 %; and the most of them."""
 BLOCK, BLOCK_ROWS = 0.05, 3.0
 """Length [s] of the blocks whose scores are taken as independent, and its least rows."""
+NOISE_FLOOR, CURRENT_FLOOR = 5e-4, 1e-3
+"""Least noise of a channel, in its ranges: no model is better (ours); of a current, whose ripple is chance."""
 FIRST_NOISE = 1e-3
 """Least noise of a channel, in its ranges, before any is learnt: no model is better."""
 
@@ -112,7 +114,9 @@ class Run:
     def learn(self, rest: Array) -> None:
         """Outliers and noise from what the model leaves over, shape (n_rows, n_channels)."""
         self.weight = self.kept.astype(float)
+        floors = [CURRENT_FLOOR if "current" in name else NOISE_FLOOR for name in self.measured.channels]
+        least = np.maximum(self.measured.quanta, floors * self.spans)
         for k in range(len(self.noises)):
             self.weight[noise.outliers(rest[:, k], self.kept[:, k], self.spans[k]), k] = 0.0
             used = self.weight[:, k] > 0.0
-            self.noises[k] = noise.learnt(rest[:, k], used, self.spans[k], float(self.measured.quanta[k]))
+            self.noises[k] = noise.learnt(rest[:, k], used, self.spans[k], float(least[k]))

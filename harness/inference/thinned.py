@@ -40,6 +40,6 @@ def thinned(measured: Measured) -> Measured:
     for name, series in measured.channels.items():
         gone = ~np.isfinite(series)[: count * width].reshape(count, width).all(axis=1)
         channels[name] = np.where(gone, np.nan, means(series))
-    informative = measured.informative[: count * width].reshape(count, width).all(axis=1)
+    informative = np.asarray(measured.informative[: count * width].reshape(count, width).all(axis=1), dtype=np.bool_)
     seen = replace(observer, time=time, loggers=(Logger("averaged"),) * len(observer.loggers), own=())
     return replace(measured, time=time, channels=channels, informative=informative, observer=seen)
