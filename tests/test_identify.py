@@ -57,11 +57,11 @@ def test_known_faults_are_found_and_only_those_are_alarmed(case, fidelity, folde
 
 
 def test_hf_as_the_model_has_no_gap_to_itself(folder, fmus):
-    """By way of ELF+, in seconds; without noise what is left is the ripple of two chaotic runs, and ELF+'s bias has gone."""
+    """By way of ELF+, in seconds; without noise what is left is the ripple of two chaotic runs."""
     table = columns(fmus["HF"], "CHIRP", {"friction": 1.5, "N_a": 0.85}, rate=10000.0, noisy=False)
     found = {fidelity: diagnose(folder, table, fidelity) for fidelity in ("HF", "ELF+")}
     off = {fidelity: abs(item.estimate("N_a").value - 0.85) for fidelity, item in found.items()}
-    assert off["HF"] < 3e-4 < off["ELF+"] and found["HF"].evaluations < 500
+    assert max(off.values()) < 1e-3 and found["HF"].evaluations < 1000
     assert {item.fault for item in found["HF"].estimates if item.alarm} == {"friction", "N_a"}
     for name, value in (("friction", 1.5), ("N_a", 0.85), ("backlash", 1.0), ("N_b", 1.0), ("gain", 1.0)):
         item = found["HF"].estimate(name)
@@ -88,12 +88,12 @@ def test_a_saturated_run_says_less_of_backlash_than_a_slow_one(folder, fmus):
     assert width["SIN4"] > 3.0 * width["SIN"]
 
 
-def test_a_fault_that_is_there_alarms_though_its_size_is_open(folder, fmus):
-    """STEP-RAMP turns the rotor slowly: the size of a short is open, its presence is not; a healthy run says neither."""
+def test_a_fault_of_a_slow_run_is_known_as_far_as_it_is_the_only_one(folder, fmus):
+    """STEP-RAMP turns the rotor slowly: if any other fault may be there too, the size of a short is open."""
     table = columns(fmus["HF"], "STEP-RAMP", {"N_a": 0.7}, rate=1000.0)
     item = diagnose(folder, table).estimate("N_a")
-    assert not item.identifiable and item.alarm and item.health is not None
-    assert item.low <= 0.7 <= item.high < 0.9 and item.health == pytest.approx(FAULTS["N_a"].health(item.high))
+    assert item.alarm and item.low <= 0.7 <= item.high and item.full[0] <= 0.7 <= item.full[1]
+    assert item.full[1] - item.full[0] > 5.0 * (item.high - item.low)
     healthy = diagnose(folder, columns(fmus["HF"], "STEP-RAMP", {}, rate=500.0))
     assert any(not item.identifiable for item in healthy.estimates) and not any(item.alarm for item in healthy.estimates)
 

@@ -96,12 +96,16 @@ def worst(problem: Problem, u: Array) -> float:
 def everything(problem: Problem, faults: Sequence[str], on_step: OnStep = lambda text: None) -> Fit:
     """The fit of all `faults` with all else, with the order of the low-pass that the runs show."""
     on_step("fitting everything")
-    best = problem.solve(problem.aligned(problem.start), problem.unknowns.mask(faults))
-    problem.mark_dead(best)
+    own = problem.unknowns
+    common = [name for name in faults if not FAULTS[name].rare]
+    best = problem.solve(problem.aligned(problem.start), own.mask(common))
     if faults and (any(run.measured.is_slow for run in problem.runs) or worst(problem, best.u) > SETTLED):
         on_step("searching elsewhere")
-        best = _elsewhere(problem, best)
-    return _order_of_lag(problem, best)
+        best = _elsewhere(problem, problem.solve(best.u, own.mask(faults)))
+    best = _order_of_lag(problem, best)
+    around = problem.linear(best.u, own.mask(faults))
+    problem.mark_dead(around)
+    return around
 
 
 def _elsewhere(problem: Problem, best: Fit) -> Fit:

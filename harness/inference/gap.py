@@ -23,7 +23,7 @@ def update_gap(problem: Problem, u: Array, r: int) -> None:
     run = problem.runs[r]
     apart = _apart(problem, u, r)
     if apart is not None:
-        run.gap = apart.mean(axis=0)
+        run.gap, run.flights = apart.mean(axis=0), apart
 
 
 def update_scatter(problem: Problem, u: Array, r: int) -> None:
@@ -32,7 +32,7 @@ def update_scatter(problem: Problem, u: Array, r: int) -> None:
     apart = _apart(problem, u, r)
     if apart is None:
         return
-    run.gap = apart.mean(axis=0)
+    run.gap, run.flights = apart.mean(axis=0), apart
     rows = float(np.median(np.diff(run.measured.time)))
     width = max(1, round(SCATTER / rows))
     variance = uniform_filter1d(apart.var(axis=0, ddof=1), width, axis=0)

@@ -36,7 +36,8 @@ class Fit:
     """The most likely place `u`, shape (size,), with what was `free`; `cost`: -2 log of the posterior there, comparable while
     the noise is the same. `hessian` and `gradient`: halves of those of the cost; `data`: the data's part of the Hessian,
     without the prior. Rows and columns of what is not free hold nothing. `scores`, shape (n_blocks, size): the data's part of
-    the gradient, summed over blocks of BLOCK; none if they were not asked for."""
+    the gradient, summed over blocks of BLOCK, and `chances`, shape (n_flights, size): what each flight of the judge would add to
+    it; none if they were not asked for."""
 
     u: Array
     cost: float
@@ -45,6 +46,7 @@ class Fit:
     data: Array = field(repr=False)
     free: Mask = field(repr=False)
     scores: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    chances: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
 
     def covariance(self, free: Mask | None = None) -> Array:
         """Laplace's approximation over what is `free` (else what was free), shape (size, size); 0 for the rest."""
@@ -55,13 +57,17 @@ class Fit:
 
     def robust(self, free: Mask) -> Array:
         """The covariance over `free`, as by the scatter of the scores from block to block where that is more than the noise
-        says (White, Econometrica 50 (1982) 1): errors that the noise does not know have a correlation of their own."""
+        says (White, Econometrica 50 (1982) 1), for errors that the noise does not know have a correlation of their own; and by
+        what the flights of the judge, chaotic in rounding, would move."""
         chosen = np.flatnonzero(free)
         laplace = self.covariance(free)
         inverse = laplace[np.ix_(chosen, chosen)]
         scores = self.scores[:, chosen]
         scattered = np.diag(inverse @ (scores.T @ scores) @ inverse)
         known = np.diag(inverse @ self.data[np.ix_(chosen, chosen)] @ inverse)
+        if len(self.chances) > 1:  # a run of one's own has such a chance too
+            moved = inverse @ (self.chances - self.chances.mean(axis=0))[:, chosen].T
+            scattered = scattered + np.sum(moved**2, axis=1) / (len(self.chances) - 1)
         grown = np.ones(len(laplace))
         grown[chosen] = np.sqrt(np.maximum(1.0, (np.diag(inverse) + scattered - known) / np.diag(inverse)))
         return laplace * np.outer(grown, grown)
@@ -130,6 +136,7 @@ class Problem:
         flown = [at for at in range(own.size) if (free[at] or at in needed) and at not in shared and own.in_flight(at)]
         data, gradient, cost = np.zeros((own.size, own.size)), np.zeros(own.size), self._pull(u)
         scores: list[Array] = []
+        chances = np.zeros((0, own.size))
         for r, run in enumerate(self.runs):
             load = own.loads[r]
             here = [at for at in flown if (at < own.parameters.stop or load.start <= at < load.stop) and not self.dead[at]]
@@ -154,9 +161,13 @@ class Problem:
                 for at, column in zip(places, columns.T, strict=True):
                     own_scores[:, at] = np.bincount(run.blocks, column * rest, len(own_scores))
                 scores.append(own_scores)
+                if run.flights is not None:
+                    chances = chances if len(chances) else np.zeros((len(run.flights), own.size))
+                    for n, flight in enumerate(run.flights):
+                        chances[n, where] += columns.T @ run.white(flight)
         off = u - own.mean
         summed = np.vstack(scores) if scores else np.empty((0, 0))
-        return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free, summed)
+        return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free, summed, chances)
 
     def _slopes(self, u: Array, r: int, places: list[int]) -> tuple[Array, dict[int, Array]]:
         """What run `r` would have logged at `u`, and its derivatives by the unknowns at `places`."""

@@ -35,7 +35,8 @@ class Run:
     """A measured run with the `model` that is searched for it and the `judge`, a better model, which is flown now and then.
 
     `weight` (n_rows, n_channels): 0 in rows that say nothing, 1 in others, less in rows that a robust loss holds back.
-    `noises`: of each channel. `gap` (n_rows, n_channels): the judge's difference from the model where it was last compared;
+    `noises`: of each channel. `gap` (n_rows, n_channels): the judge's difference from the model where it was last compared, and
+    `flights` (n_flights, n_rows, n_channels) the same of each of its flights;
     `scatter`, same shape: variance of the chance in the judge's flights, as white noise that says as little. It lowers the
     weight of rows in which one right model differs from another.
     """
@@ -46,6 +47,7 @@ class Run:
     noises: list[Noise] = field(init=False)
     weight: Array = field(init=False)
     gap: Array | None = field(init=False, default=None)
+    flights: Array | None = field(init=False, default=None)
     scatter: Array | float = field(init=False, default=0.0)
     loads: Array = field(init=False)
 
