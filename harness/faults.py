@@ -263,10 +263,10 @@ FAULTS: dict[str, Fault] = {
         *map(_sensor_gain, "abc"),
         Fault(
             port="fault.resolver_offset",
-            limit=0.2,
-            studied=(-0.2, 0.2),
+            limit=0.3,
+            studied=(-0.3, 0.3),
             searched=(-0.4, 0.4),
-            slider=(-0.2, 0.2, 0.01),
+            slider=(-0.3, 0.3, 0.01),
             in_current=True,
             rare=True,
             told_by=LOADED,

@@ -1,4 +1,4 @@
-"""What the command did between the rows of a log that does not say so: what explains the run best."""
+"""What a log leaves open, decided by what explains the run best: what its command did between rows, and where it began."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,6 +12,7 @@ from harness.inference.prior import Prior
 from harness.inference.problem import Problem
 from harness.inference.run import Run
 from harness.logs.log import Between
+from harness.logs.shown import value_of
 
 MOST_STEPS = 5
 """Linearisations of each search: it only has to tell which comes nearer."""
@@ -37,3 +38,19 @@ def decided(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapp
     ratios = ", ".join(f"{other.value} is {(costs[other] / costs[best]) ** 0.5:.3g} times as far off" for other in others)
     remark = f"nothing says what the command does between rows: {best.value} fits best ({ratios})"
     return replace(measured, trials={best: measured.trials[best]}, remarks=(*measured.remarks, remark))
+
+
+def begun(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapping[str, float], prior: Prior) -> Measured:
+    """The run as it is, or, if that comes nearer to it, begun where it is commanded to be and not where its position is: a sensor
+    may have an offset."""
+    if not measured.initial or measured.initial.get("initial.motor_speed"):
+        return measured
+    command = float(measured.trial.inputs["command"][0])
+    ratio = value_of("gear.ratio", parameters)
+    there = {"initial.position": command, "initial.motor_position": ratio * command} if command else {}
+    costs = []
+    for run in (measured, other := replace(measured, initial=there)):
+        with Flights(fmus, fidelity, run, parameters) as model:
+            problem = Problem([Run(model)], prior)
+            costs.append(problem.solve(problem.aligned(problem.start), problem.unknowns.mask(), most=MOST_STEPS).cost)
+    return other if costs[1] < costs[0] else measured

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.faults import FAULTS, THRESHOLD
 from harness.fidelity import FIDELITIES, Fidelity
-from harness.identification.between import decided
+from harness.identification.between import begun, decided
 from harness.identification.curves import Curves, curves_of
 from harness.identification.estimates import Estimate, estimates_of, hidden, without_effect
 from harness.identification.ripple import ripple
@@ -140,7 +140,8 @@ def identify(
     given = dict(parameters or {})
     prior = prior_of(actuator, given, averaged=fidelity != judging)
     with threadpool_limits(1, "blas"):  # more threads of it cost 1.7 times the CPU, which the flights need
-        measured = decided(thinned(measured), fmus, searched, given, prior)
+        measured = begun(thinned(measured), fmus, searched, given, prior)
+        measured = decided(measured, fmus, searched, given, prior)
         able = _able(searched, given)
         found, curves, evaluations = _explained(measured, fmus, (searched, judging), given, prior, able, on_step)
         switch, rest = 0, float(curves.left.unexplained.max())

@@ -26,7 +26,7 @@ FALSE_ALARM = 0.01
 RARE = 10.0
 """What a rare fault has to gain beyond that, so that of two that fit alike the common one is told first: as much as stiction
 makes the cost rough (ours)."""
-UNTOLD = 40.0
+UNTOLD = 1e6
 """The same of a fault that no averaged model tells from another for certain: the other is told first, and this beside it."""
 ALIKE = 6.0
 """Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20, whether their faults

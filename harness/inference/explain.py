@@ -65,18 +65,17 @@ class Explained:
     @property
     def alternatives(self) -> list[Explanation]:
         """Explanations that cannot be told from the best, and do not only add to it."""
-        raw = [cost - rarity(item.faults) for cost, item in zip(self.costs, self.explanations, strict=True)]
         most = self.best.fit.cost + 2.0 * ALIKE
-        pairs = zip(self.explanations[1:], raw[1:], strict=True)
         return [
             item
-            for item, cost in pairs
-            if cost < raw[0] + ALIKE and item.fit.cost < most and not set(self.best.faults) < set(item.faults)
+            for item in self.explanations[1:]
+            if self.worse(item) < ALIKE and item.fit.cost < most and not set(self.best.faults) < set(item.faults)
         ]
 
     def worse(self, item: Explanation) -> float:
-        """By how much its penalised -2 log likelihood is more than the best's."""
-        return self.costs[self.explanations.index(item)] - self.costs[0]
+        """By how much its penalised -2 log likelihood is more than the best's, but for what faults that are rare have to gain."""
+        own = self.costs[self.explanations.index(item)] - rarity(item.faults)
+        return own - (self.costs[0] - rarity(self.best.faults))
 
 
 def what_is_left(problem: Problem, u: Array) -> list[Left]:
