@@ -109,29 +109,35 @@ class Problem:
     def linear(self, u: Array, free: Mask) -> Fit:
         """The quadratic at `u` over what is `free`; a flight for each unknown that needs one, of all runs on all cores."""
         own = self.unknowns
-        shared = {place: parts for place, parts in own.products(u).items() if free[place]}
-        needed = {other for parts in shared.values() for other, _ in parts}
-        flown = [at for at in range(own.size) if (free[at] or at in needed) and at not in shared and own.in_flight(at)]
         data, gradient, cost = np.zeros((own.size, own.size)), np.zeros(own.size), self._pull(u)
-        for r, run in enumerate(self.runs):
-            load = own.loads[r]
-            here = [at for at in flown if (at < own.parameters.stop or load.start <= at < load.stop) and not self.dead[at]]
-            base, slopes = self._slopes(u, r, here)
-            for place, parts in shared.items():
-                slopes[place] = sum(factor * slopes[other] for other, factor in parts if other in slopes)
-            places = [at for at in slopes if free[at]]
-            rest = run.white(base - run.data)
-            columns = run.white(np.stack([slopes[at] for at in places], axis=-1)) if places else np.empty((len(rest), 0))
-            at_nuisances = np.flatnonzero(free[own.nuisances[r]]) + own.nuisances[r].start
-            if at_nuisances.size:
-                columns = np.hstack([columns, self._nuisance_columns(u, r, at_nuisances)])
-                places = [*places, *at_nuisances.tolist()]
-            where = np.array(places, dtype=int)
+        for r in range(len(self.runs)):
+            rest, columns, where = self.slopes(u, free, r)
             data[np.ix_(where, where)] += columns.T @ columns
             gradient[where] += columns.T @ rest
             cost += float(rest @ rest)
         off = u - own.mean
         return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free)
+
+    def slopes(self, u: Array, free: Mask, r: int) -> tuple[Array, Array, NDArray[np.intp]]:
+        """The white residuals of run `r` at `u`, shape (n_residuals,), their derivatives by what is `free` and acts on that
+        run, shape (n_residuals, n), and the places of these unknowns, shape (n,)."""
+        own, run = self.unknowns, self.runs[r]
+        shared = {place: parts for place, parts in own.products(u).items() if free[place]}
+        needed = {other for parts in shared.values() for other, _ in parts}
+        flown = [at for at in range(own.size) if (free[at] or at in needed) and at not in shared and own.in_flight(at)]
+        load = own.loads[r]
+        here = [at for at in flown if (at < own.parameters.stop or load.start <= at < load.stop) and not self.dead[at]]
+        base, slopes = self._slopes(u, r, here)
+        for place, parts in shared.items():
+            slopes[place] = sum(factor * slopes[other] for other, factor in parts if other in slopes)
+        places = [at for at in slopes if free[at]]
+        rest = run.white(base - run.data)
+        columns = run.white(np.stack([slopes[at] for at in places], axis=-1)) if places else np.empty((len(rest), 0))
+        at_nuisances = np.flatnonzero(free[own.nuisances[r]]) + own.nuisances[r].start
+        if at_nuisances.size:
+            columns = np.hstack([columns, self._nuisance_columns(u, r, at_nuisances)])
+            places = [*places, *at_nuisances.tolist()]
+        return rest, columns, np.array(places, dtype=int)
 
     def _slopes(self, u: Array, r: int, places: list[int]) -> tuple[Array, dict[int, Array]]:
         """What run `r` would have logged at `u`, and its derivatives by the unknowns at `places`."""
