@@ -36,11 +36,11 @@ Mask = NDArray[np.bool_]
 TOLERANCE = 0.01
 """Rest of a channel, as a part of its range, that counts as explained: three times that of `ema identify`, for a bench's
 sensors are not known beforehand (ours)."""
-SCALE = ("motor.K_e", "mechanics.J", "mechanics.C", "mechanics.T_coulomb", "mechanics.T_static", "mechanics.T_asymmetry",
-         "mechanics.T_quadratic")  # fmt: skip
-"""Parameters that, all so many times as large, leave an unloaded run as it is."""
-KNOWN = ("motor.K_e", "mechanics.J")
-"""Those of them of which one that is exact tells the scale."""
+SCALE = "motor.K_e"
+"""The parameter that stands for the scale that it has in common with inertia and friction: it keeps what was known of it, and
+the others follow it."""
+KNOWN = (SCALE, "mechanics.J")
+"""Those of which one that is exact tells the scale."""
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,10 @@ def calibrate(
         on_step("uncertainty")
         saturated = any([_saturates(run, {**run.model.parameters, **problem.unknowns.parameters_of(fit.u)}, bench)
                          for run in runs])  # fmt: skip
-        scale = _scale(prior, runs, saturated)
-        raw = told_by(problem, fit.u)
-        found, inflation = _believed(raw, scale)
-        told = _told(found, prior, actuator, problem)
+        scale_open = _scale_is_open(prior, runs, saturated)
+        stated = np.array([name in actuator.tolerances and not (scale_open and name == SCALE) for name in prior.names])
+        own_error = np.array([kept_sigma(name, actuator, bench.parameters) > 0.0 for name in prior.names])
+        found, told, inflation = _believed(told_by(problem, fit.u), stated, own_error, scale_open)
         values, covariance = cut(found.mean(), found.covariance(), np.linalg.inv(found.precision), told)
         u = _placed(problem, values)
         on_step("nuisances")
@@ -91,7 +91,7 @@ def calibrate(
         names, joint = _written(prior, covariance, told, actuator, bench)
         parameters = _parameters(prior, problem, u, joint, names, told, actuator)
         lines = _remarks(measured, problem, u, told, names, joint, parameters)
-        lines += [remarks.scale_is_open("")] if scale is not None else []
+        lines += [remarks.SCALE_IS_OPEN] if scale_open else []
         lines += _on_search(fit.cost, others, inflation)
         lines += [] if saturated else [remarks.UNSATURATED]
         rests = _rests(problem, u)
@@ -160,13 +160,10 @@ def _saturates(run: Run, parameters: Mapping[str, float], bench: Bench) -> bool:
     return bool((values[run.measured.trial.time >= run.measured.time[0]] > 0.5).any())
 
 
-def _scale(prior: Prior, runs: Sequence[Run], saturated: bool) -> Array | None:
-    """The direction, in prior standard deviations, in which torque constant, inertia and friction are all larger alike, shape
-    (n,); None if the runs tell it: by a known load, by a voltage that saturates, or by one that is exact."""
-    if saturated or any(name not in prior.names for name in KNOWN) or any(map(_loaded, runs)):
-        return None
-    parts = [name in SCALE for name in prior.names]
-    return np.where(parts, prior.values / prior.sigmas, 0.0)
+def _scale_is_open(prior: Prior, runs: Sequence[Run], saturated: bool) -> bool:
+    """Whether the runs leave open a factor common to torque constant, inertia and friction: unless a load is known, the
+    voltage saturates, or one of these is exact. What a fit says of it then is overconfident."""
+    return all(name in prior.names for name in KNOWN) and not saturated and not any(map(_loaded, runs))
 
 
 def _loaded(run: Run) -> bool:
@@ -178,25 +175,19 @@ def _loaded(run: Run) -> bool:
     return bool(np.ptp(load) + abs(load).max() > 4.0 * LOAD_SHARE * torque * value_of("gear.ratio", given))
 
 
-def _believed(raw: Told, scale: Array | None) -> tuple[Told, Inflation]:
-    """What the runs say as far as it is believed, and how much less that is than the fit's own noise says."""
-    believed = raw if scale is None else raw.without(scale)
-    told = np.sqrt(np.diag(believed.covariance()) * _variance(believed)) < TOLD
-    inflation = Inflation(believed.by_blocks(told), believed.by_runs(told), scale is not None)
-    return believed.inflated(inflation.factor), inflation
+def _believed(raw: Told, stated: Mask, own_error: Mask, scale_open: bool) -> tuple[Told, Mask, Inflation]:
+    """What the runs say as far as it is believed; which of the parameters that are `stated` to have a tolerance they tell,
+    shape (n,); and how much less that is than the fit's own noise says: by those without an error of the model's own."""
+    told = _tells(raw) & stated & ~own_error
+    inflation = Inflation(raw.by_blocks(told), raw.by_runs(told), scale_open)
+    found = raw.inflated(inflation.factor)
+    return found, _tells(found) & stated, inflation
 
 
-def _variance(found: Told) -> Array:
-    """One over the prior's variances, in its own scale, shape (n,)."""
-    return np.asarray(1.0 / np.diag(np.linalg.inv(found.precision)))
-
-
-def _told(found: Told, prior: Prior, actuator: Actuator, problem: Problem) -> Mask:
-    """Which parameters the runs tell, shape (n,)."""
-    part = problem.unknowns.parameters
-    share = np.sqrt(np.diag(found.covariance()) * _variance(found))
-    stated = np.array([name in actuator.tolerances for name in prior.names])
-    return np.asarray((share < TOLD) & stated & ~problem.dead[part])
+def _tells(found: Told) -> Mask:
+    """Whether the data narrow each parameter clearly, shape (n,)."""
+    before = np.diag(np.linalg.inv(found.precision))
+    return np.asarray(np.sqrt(np.diag(found.covariance()) / before) < TOLD)
 
 
 def _placed(problem: Problem, values: Array) -> Array:
@@ -220,8 +211,8 @@ def _written(
     names = tuple(prior.names[place] for place in places)
     scales = np.where(prior.sigmas > 0.0, prior.sigmas, 1.0)[places]
     joint = covariance[np.ix_(places, places)] * np.outer(scales, scales)
-    shaken = np.array([kept_sigma(name, prior, told[places[n]], actuator, bench.parameters) for n, name in enumerate(names)])
-    return names, joint + np.diag(shaken**2)
+    kept = np.array([kept_sigma(name, actuator, bench.parameters) if told[prior.names.index(name)] else 0.0 for name in names])
+    return names, joint + np.diag(kept**2)
 
 
 def _parameters(

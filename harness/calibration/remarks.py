@@ -38,20 +38,16 @@ WOULD_TELL = {
 }
 """Port -> a run that tells it."""
 OTHER = "a run in which it matters more"
+SCALE_IS_OPEN = (
+    "these runs do not tell a factor that torque constant, inertia and friction have in common, for none has a known load or "
+    f"saturates the voltage: motor.K_e keeps its tolerance, which the others share; {LOADED} would tell"
+)
 UNSATURATED = "no voltage saturation in these logs: a fast command is not predicted"
 
 
 def would_tell(name: str) -> str:
     """Why a parameter stays as it was, and which run would tell it."""
     return f"not told by these runs; {WOULD_TELL.get(name, OTHER)} would tell"
-
-
-def scale_is_open(loads: str) -> str:
-    """That the runs leave the common scale open."""
-    return (
-        "a common scale of torque constant, inertia and friction is not told: no run has a known load, none saturates the "
-        f"voltage; along it the tolerances of the file count{loads}; {LOADED} would tell"
-    )
 
 
 def correlated(names: Sequence[str], correlation: Array) -> list[str]:

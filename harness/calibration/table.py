@@ -12,7 +12,7 @@ from harness.actuators.actuator import Actuator
 from harness.actuators.calibrated import WIDTH
 from harness.actuators.read import LIBRARY, library
 from harness.files.toml import flat, read_toml, toml_text
-from harness.inference.prior import SHAKEN, T_STATIC, Prior, prior_of
+from harness.inference.prior import SHAKEN, T_STATIC, prior_of
 from harness.logs.shown import value_of
 
 ORDER = ("name", "description", "sheet", "parameters", "tolerances", "output", "log", "limits", "provenance", "calibration")
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from harness.calibration.result import Calibration
 
 
-def kept_sigma(name: str, prior: Prior, told: bool, actuator: Actuator, settings: Mapping[str, float]) -> float:
+def kept_sigma(name: str, actuator: Actuator, settings: Mapping[str, float]) -> float:
     """Deviation of the model's own error that a parameter keeps however well the runs tell it, in the port's unit: that of the
-    static friction in an averaged model at hysteresis control, else 0. One that is not told has it in its prior."""
-    if name != T_STATIC or not told:
+    static friction in an averaged model at hysteresis control, else 0."""
+    if name != T_STATIC:
         return 0.0
     exact = replace(actuator, tolerances={}, calibration={})
     given = {**actuator.parameters, **settings}

@@ -1,5 +1,5 @@
-"""What runs tell of the parameters: the quadratic around the best fit, how much the residuals' own blocks say that it errs, the
-scale that unloaded runs leave open, and the parameters that keep what was known before."""
+"""What runs tell of the parameters: the quadratic around the best fit, how much the residuals' own blocks and the runs among
+each other say that it errs, and the parameters that keep what was known before."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,10 @@ TOLD = 0.7
 """Part of a prior's standard deviation below which a posterior's says that the runs tell the parameter."""
 LINKED = 0.2
 """Correlation with one that is told from which a parameter that is not is written beside it."""
+LEAST_MOVED = 0.1
+"""Part of its variance by which a parameter is at least expected to vary when a run is left out that says little of it."""
 MOST_INFLATION = 30.0
+"""Beyond which a fit is no calibration, and blocks no measure of it."""
 
 
 @dataclass(frozen=True)
@@ -38,21 +41,6 @@ class Told:
     def covariance(self) -> Array:
         """Laplace's approximation, shape (n, n)."""
         return np.linalg.inv(self.information + self.precision)
-
-    def without(self, direction: Array) -> "Told":
-        """The same without all that the data say along `direction`, shape (n,)."""
-        along = self.information @ direction
-        size = float(direction @ along)
-        if not size > 0.0:
-            return self
-        return Told(
-            self.u,
-            self.information - np.outer(along, along) / size,
-            self.gradient - along * float(direction @ self.gradient) / size,
-            self.precision,
-            self.scatter,
-            self.alone,
-        )
 
     def inflated(self, factor: float) -> "Told":
         """The same with all that the data say, `factor` times as uncertain."""
@@ -81,7 +69,7 @@ class Told:
             less = np.linalg.inv(self.information - information + self.precision)
             moved = -less @ (self.gradient - gradient + self.precision @ self.u)
             expected = np.diag(less - own)
-            ratios += (moved[told] ** 2 / np.maximum(expected[told], 1e-2 * np.diag(own)[told])).tolist()
+            ratios += (moved[told] ** 2 / np.maximum(expected[told], LEAST_MOVED * np.diag(own)[told])).tolist()
         return float(np.clip(np.sqrt(np.mean(ratios)), 1.0, MOST_INFLATION)) if ratios else 1.0
 
 
