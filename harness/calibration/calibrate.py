@@ -14,7 +14,7 @@ from harness.actuators.actuator import Actuator
 from harness.calibration import remarks
 from harness.calibration.between import decided
 from harness.calibration.result import Calibration, Curves, Inflation, Nuisance, Parameter, Rest
-from harness.calibration.search import learnt, search
+from harness.calibration.search import learnt, search, unknown
 from harness.calibration.table import calibrated, kept_sigma
 from harness.calibration.told import TOLD, Told, cut, linked, told_by
 from harness.errors import HarnessError
@@ -92,7 +92,7 @@ def calibrate(
         parameters = _parameters(prior, problem, u, joint, names, told, actuator)
         lines = _remarks(measured, problem, u, told, names, joint, parameters)
         lines += [remarks.SCALE_IS_OPEN] if scale_open else []
-        lines += _on_search(fit.cost, others, inflation)
+        lines += _on_search(others, inflation)
         lines += [] if saturated else [remarks.UNSATURATED]
         rests = _rests(problem, u)
         result = Calibration(
@@ -198,7 +198,7 @@ def _placed(problem: Problem, values: Array) -> Array:
 
 def _bench_alone(problem: Problem) -> Mask:
     """The bench's nuisances without the parameters, shape (size,)."""
-    free = problem.unknowns.mask()
+    free = unknown(problem)
     free[problem.unknowns.parameters] = False
     return free
 
@@ -294,11 +294,11 @@ def _remarks(
     return lines
 
 
-def _on_search(cost: float, others: Sequence[float], inflation: Inflation) -> list[str]:
+def _on_search(others: Sequence[float], inflation: Inflation) -> list[str]:
     lines = []
-    if others and min(others) > 0.0:
-        ends = ", ".join(f"{100 * other / cost:.2g} %" for other in sorted(others))
-        lines.append(f"searches from other starts ended with costs higher by {ends}")
+    if others:
+        ends = ", ".join(f"{100 * other:.2g} %" for other in sorted(others))
+        lines.append(f"searches from other starts left {ends} more")
     if inflation.factor > 1.0:
         which = "blocks of time" if inflation.blocks >= inflation.runs else "the runs one by one"
         lines.append(f"intervals are {inflation.factor:.3g} times as wide as the noise says: by what {which} say")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from harness.inference.explain import learn
 from harness.inference.problem import Fit, Problem
 from harness.inference.run import Run
+from harness.inference.sensors import GAIN, LAG, NUISANCES, SHIFT
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -16,6 +17,8 @@ WEAK = 0.05
 """Information of the data on a parameter, in those of its prior, below which it is not searched: it stays where it is."""
 STARTS, REACH, SEED = 5, 1.5, 20230612
 """Starts beside the values of the file, and how far they may be from these, in standard deviations."""
+SHIFTS = (0.3, 0.6, 0.0, -0.3)
+"""Shifts in time that starts of slow logs have, in the bounds of these."""
 NEAR = 30.0
 """How far the cost of a start, after a step, may be above the best's for the search to go on from there."""
 LEARNT, SETTLED = 3, 0.5
@@ -27,18 +30,31 @@ LATER = 8
 
 
 def search(problem: Problem, on_step: Callable[[str], object] = lambda text: None) -> tuple[Fit, list[float]]:
-    """The best fit of all parameters and nuisances without a fault, its noise and gap learnt; and how far the costs of the
-    other starts that were searched to their end are above its own."""
-    own = problem.unknowns
+    """The best fit of all parameters and nuisances without a fault, its noise and gap learnt; and how far what the other
+    starts left is above what it left, as parts of it, for those that were searched to their end."""
     on_step("fitting")
     start = problem.aligned(problem.start)
-    first = problem.linear(start, own.mask())
+    first = problem.linear(start, unknown(problem))
     problem.mark_dead(first)
     told = _informative(problem, first)
-    fit = problem.solve(start, own.mask() & told)
-    fit = learnt(problem, fit, told, on_step)
-    best, others = _elsewhere(problem, fit, own.mask() & told, on_step)
+    if any(run.measured.is_slow for run in problem.runs):
+        place, others = _from_all(problem, unknown(problem) & told, on_step)
+        return learnt(problem, place, told, on_step), others
+    fit = learnt(problem, problem.solve(start, unknown(problem) & told), told, on_step)
+    best, others = _elsewhere(problem, fit, unknown(problem) & told, on_step)
     return (fit if best is fit else learnt(problem, best, told, on_step)), others
+
+
+def unknown(problem: Problem) -> Mask:
+    """What is unknown of healthy runs, shape (size,): parameters and nuisances; but where rows are so far apart that a shift
+    in time is, no low-pass and no gain, which such rows do not tell from it and from the parameters."""
+    free = problem.unknowns.mask()
+    for run, place in zip(problem.runs, problem.unknowns.nuisances, strict=True):
+        nuisances = free[place].reshape(run.sensors.count, len(NUISANCES))
+        slow = run.measured.shift_bounds > 0.0
+        nuisances[slow, LAG], nuisances[slow, GAIN] = False, False
+        free[place] = nuisances.ravel()
+    return free
 
 
 def learnt(problem: Problem, fit: Fit, told: Mask, on_step: Callable[[str], object]) -> Fit:
@@ -49,7 +65,7 @@ def learnt(problem: Problem, fit: Fit, told: Mask, on_step: Callable[[str], obje
         before = fit.u
         learn(problem, fit.u)
         soften(problem, fit.u)
-        fit = problem.solve(fit.u, problem.unknowns.mask() & told, most=LATER)
+        fit = problem.solve(fit.u, unknown(problem) & told, most=LATER)
         sigmas = np.sqrt(np.diag(fit.covariance())[part])
         if np.all(np.abs(fit.u - before)[part] <= SETTLED * sigmas):
             break
@@ -80,25 +96,74 @@ def _weights(run: Run, rest: Array, k: int) -> Array:
 
 
 def _elsewhere(problem: Problem, best: Fit, free: Mask, on_step: Callable[[str], object]) -> tuple[Fit, list[float]]:
-    """The best of searches that start elsewhere: from each start a step, and to the end from where that has come near, or,
-    if the logs are slow and the cost rough, from all. And the costs of those that ended, less the best's."""
+    """The best of searches that start elsewhere, to the end where the first step has come near; and the costs of those that
+    ended."""
+    ends = [best]
+    for n, u in enumerate(_starts(problem, best.u, free)):
+        on_step(f"start {n + 1} of {STARTS}")
+        u, cost = _stepped(problem, u, free)
+        if cost < best.cost + NEAR:
+            ends.append(problem.solve(u, free, most=LATER))
+    first = min(ends, key=lambda fit: fit.cost)
+    return first, [(fit.cost - first.cost) / first.cost for fit in ends if fit is not first]
+
+
+def _starts(problem: Problem, u: Array, free: Mask) -> list[Array]:
+    """Places like `u` with the parameters that are `free` drawn around what was known of them."""
     own, rng = problem.unknowns, np.random.default_rng(SEED)
-    slow = any(run.measured.is_slow for run in problem.runs)
     part = np.flatnonzero(free & ~problem.dead)
     part = part[(part >= own.parameters.start) & (part < own.parameters.stop)]
-    ends = [best]
-    for n in range(STARTS):
-        on_step(f"start {n + 1} of {STARTS}")
-        u = best.u.copy()
-        u[part] = own.mean[part] + np.clip(rng.standard_normal(part.size), -REACH, REACH)
-        u = problem.aligned(np.clip(u, own.low, own.high))
-        if not slow:
-            u, cost = _stepped(problem, u, free)
-            if cost > best.cost + NEAR:
-                continue
-        ends.append(problem.solve(u, free, most=LATER))
-    first = min(ends, key=lambda fit: fit.cost)
-    return first, [fit.cost - first.cost for fit in ends if fit is not first]
+    places = []
+    for _ in range(STARTS):
+        place = u.copy()
+        place[part] = own.mean[part] + np.clip(rng.standard_normal(part.size), -REACH, REACH)
+        places.append(np.clip(place, own.low, own.high))
+    return places
+
+
+def _from_all(problem: Problem, free: Mask, on_step: Callable[[str], object]) -> tuple[Fit, list[float]]:
+    """The best of searches of slow logs, from what was known before and from elsewhere, each with shifts in time that are
+    aligned, or all alike: a shift that is a row's part off makes a valley of its own. Each has the noise that it leaves."""
+    noises = [list(run.noises) for run in problem.runs]
+    elsewhere = _starts(problem, problem.start, free)
+    places = [problem.aligned(place) for place in (problem.start, *elsewhere[: STARTS // 2])]
+    places += [_shifted(problem, place, part) for place, part in zip(elsewhere, SHIFTS, strict=False)]
+    ends: list[tuple[float, Fit]] = []
+    for n, place in enumerate(places):
+        on_step(f"start {n + 1} of {len(places)}")
+        for run, own in zip(problem.runs, noises, strict=True):
+            run.noises, run.weight = list(own), run.kept.astype(float)
+        fit = problem.solve(place, free)
+        for r, run in enumerate(problem.runs):
+            run.learn(problem.rest(fit.u, r))
+        soften(problem, fit.u)
+        fit = problem.solve(fit.u, free, most=LATER)
+        ends.append((_left_over(problem, fit.u), fit))
+    ends.sort(key=lambda end: end[0])
+    return ends[0][1], [float(np.expm1(left - ends[0][0])) for left, _ in ends[1:]]
+
+
+def _shifted(problem: Problem, u: Array, part: float) -> Array:
+    """`u` with all shifts of slow channels at this part of their bounds."""
+    out = u.copy()
+    for r, run in enumerate(problem.runs):
+        scales = problem.unknowns.nuisance_scales(r)
+        view = out[problem.unknowns.nuisances[r]].reshape(scales.shape)
+        slow = run.measured.shift_bounds > 0.0
+        view[slow, SHIFT] = (part * run.measured.shift_bounds / scales[:, SHIFT])[slow]
+    return out
+
+
+def _left_over(problem: Problem, u: Array) -> float:
+    """Mean of the logarithms of what is left of each channel, in its range, without its outliers: the likelihood of noise that
+    is not known (Seber and Wild, Nonlinear Regression, 2.2), the rows of all taken for one each."""
+    logs: list[float] = []
+    for r, run in enumerate(problem.runs):
+        rest = problem.rest(u, r)
+        for k in range(rest.shape[1]):
+            used = run.weight[:, k] > 0.0
+            logs.append(0.5 * float(np.log(np.mean((rest[used, k] * run.weight[used, k]) ** 2))))
+    return float(np.mean(logs))
 
 
 def _stepped(problem: Problem, u: Array, free: Mask) -> tuple[Array, float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.calibration.search import unknown
 from harness.inference.problem import Problem
 
 Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ class Told:
 
 def told_by(problem: Problem, u: Array) -> Told:
     """What the runs say at `u`: a flight for each parameter and run."""
-    own, free = problem.unknowns, problem.unknowns.mask()
+    own, free = problem.unknowns, unknown(problem)
     part = np.arange(own.parameters.start, own.parameters.stop)
     information, scatter = np.zeros((part.size, part.size)), np.zeros((part.size, part.size))
     gradient, alone = np.zeros(part.size), []
