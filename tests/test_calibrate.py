@@ -34,7 +34,9 @@ HIDDEN = {"motor.K_e": 0.985, "mechanics.J": 1.05, "motor.R": 0.97, "mechanics.T
           "gear.backlash": 1.25}  # fmt: skip
 """Those of the plant, in the file's."""
 TRUTH = {name: part * DEFAULT.value(name) for name, part in HIDDEN.items()}
-TOLERANT = "\n".join(['name = "bench"', "[tolerances]", *(f'"{name}" = "{196 * part:g} %"' for name, part in SIGMAS.items())])
+TOLERANT = "\n".join(
+    ['name = "bench"', "[tolerances]", *(f'"{name}" = "{196 * part:g} %"' for name, part in SIGMAS.items())]
+)
 
 
 def ema(*arguments: object) -> Any:
@@ -56,8 +58,8 @@ def bench(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> An
         table = plant.columns(fmus["HF"], name, {}, TRUTH, seed=seed, rate=1000.0)
         logs[name] = plant.write(folder / f"{name}.csv", {key: table[key] for key in ("time", "command", *plant.NOISE)})
     done = ema(
-        "calibrate", logs["CHIRP"], logs["SIN"], "--check", logs["TRAPEZOID"], "--actuator", start, "--out", out, "--json", result,
-        "--fmus", fmus["HF"].parent,
+        "calibrate", logs["CHIRP"], logs["SIN"], "--check", logs["TRAPEZOID"], "--actuator", start, "--out", out,
+        "--json", result, "--fmus", fmus["HF"].parent,
     )  # fmt: skip
     assert done.exit_code == 0, said(done)
     return SimpleNamespace(
@@ -78,7 +80,7 @@ def test_the_hidden_parameters_are_found(bench: Any) -> None:
 
 
 def test_what_the_runs_do_not_tell_stays_as_it_was(bench: Any) -> None:
-    """R does nothing while the current is what is asked; the scale of unloaded runs is K_e's tolerance, which the others share."""
+    """R does nothing while the current is what is asked; the scale of unloaded runs is as well known as K_e."""
     for name in ("motor.R", "motor.K_e"):
         item = bench.told["parameters"][name]
         assert not item["freed"] and item["value"] == item["start"] == DEFAULT.value(name)
@@ -123,7 +125,13 @@ def test_the_file_is_read_as_it_was_found(bench: Any) -> None:
 
 def test_the_page_shows_it_all(bench: Any) -> None:
     page = bench.out.with_suffix(".html").read_text()
-    for text in ("Correlations", "spectra of the residuals", "TRAPEZOID, predicted", "What the bench adds", "mechanics.T_coulomb"):
+    for text in (
+        "Correlations",
+        "spectra of the residuals",
+        "TRAPEZOID, predicted",
+        "What the bench adds",
+        "mechanics.T_coulomb",
+    ):
         assert text in page
     assert "<script src" not in page and "http-equiv" not in page
 
@@ -209,7 +217,9 @@ def test_remarks() -> None:
     assert not off_the_sheet([replace(item, value=1.2)]) and not off_the_sheet([replace(item, freed=False)])
     assert "correlation -0.97" in correlated(["a", "b"], np.array([[1.0, -0.97], [-0.97, 1.0]]))[0]
     low, high = np.full(2, -8.0), np.full(2, 8.0)
-    assert at_bound(["a", "b"], np.array([0.0, 8.0]), low, high) == ["b has come to its highest value: its sigma means little"]
+    assert at_bound(["a", "b"], np.array([0.0, 8.0]), low, high) == [
+        "b has come to its highest value: its sigma means little"
+    ]
     assert "known load" in would_tell("motor.K_e")
 
 
@@ -258,7 +268,7 @@ def test_a_calibration_of_a_calibrated_actuator(tmp_path: Path) -> None:
     )
     start = read_actuator(str(before))
     table = {"names": ["mechanics.C"], "covariance": [[1e-13]], "values": {"mechanics.C": 4.5e-5}}
-    text = file_text(replace(start, calibration=table), str(before), "y", {"motor.R": 1.1}, {"mechanics.T_coulomb": 0.002})
+    text = file_text(replace(start, calibration=table), str(before), {"motor.R": 1.1}, {"mechanics.T_coulomb": 0.002})
     (tmp_path / "after.toml").write_text(text)
     after = read_actuator(str(tmp_path / "after.toml"))
     assert after.value("mechanics.C") == 4.5e-5 and after.value("mechanics.J") == 5e-5 and after.value("motor.R") == 1.1

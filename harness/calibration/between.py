@@ -15,8 +15,8 @@ MOST = 4
 
 
 def decided(measured: Measured, run_of: Callable[[Measured], Run], prior: Prior) -> Measured:
-    """The run with that of its trials alone that a fit of the parameters, from their start values, explains best, and a remark
-    that says so; the run itself if it has only one. `run_of`: makes a run that can be flown."""
+    """The run with that of its trials alone that a fit of the parameters, from their start values, explains best, and a
+    remark that says so; the run itself if it has only one. `run_of`: makes a run that can be flown."""
     if len(measured.trials) == 1:
         return measured
     costs: dict[Between, float] = {}

@@ -1,10 +1,8 @@
 """Calibrates an actuator: from measured runs to its parameters with their covariance."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +10,16 @@ from numpy.typing import NDArray
 from ema_fmu_src import ports
 from harness.actuators.actuator import Actuator
 from harness.calibration import remarks
-from harness.calibration.between import decided
+from harness.calibration.bench import SCALE, Bench, flown, saturates, scale_is_open, stated_prior
 from harness.calibration.result import Calibration, Curves, Inflation, Nuisance, Parameter, Rest
 from harness.calibration.search import learnt, search, unknown
 from harness.calibration.table import calibrated, kept_sigma
 from harness.calibration.told import TOLD, Told, cut, linked, told_by
-from harness.errors import HarnessError
-from ema_fmu_src.fidelities import FIDELITIES, REFERENCE, Fidelity
-from harness.flight.twin import Twin
 from harness.inference.explain import what_is_left
-from harness.inference.flights import Flights
 from harness.inference.measured import Measured
-from harness.inference.prior import Prior, prior_of
+from harness.inference.prior import Prior
 from harness.inference.problem import Problem
-from harness.inference.run import LOAD_SHARE, Run
 from harness.inference.sensors import GAP, NUISANCES
-from harness.logs.shown import value_of
-from harness.parameters import merged
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,26 +27,8 @@ Mask = NDArray[np.bool_]
 TOLERANCE = 0.01
 """Rest of a channel, as a part of its range, that counts as explained: three times that of `ema identify`, for a bench's
 sensors are not known beforehand (ours)."""
-SCALE = "motor.K_e"
-"""The parameter that stands for the scale that it has in common with inertia and friction: it keeps what was known of it, and
-the others follow it."""
-KNOWN = (SCALE, "mechanics.J")
-"""Those of which one that is exact tells the scale."""
-
-
-@dataclass(frozen=True)
-class Bench:
-    """What runs are flown with: the folder of the `fmus`, the `fidelity` that is fitted, and the `parameters` set for all, by
-    port name, over the actuator's; `own`: those set for the run at a place, over these."""
-
-    fmus: Path
-    fidelity: Fidelity
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    own: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
-
-    def parameters_of(self, place: int, actuator: Actuator) -> dict[str, float]:
-        """All parameters that are set for the run at `place`."""
-        return {**actuator.parameters, **self.parameters, **self.own.get(place, {})}
+OF_CURRENT = 3.0
+"""What a current may leave, in those: it switches, and slow rows alias that (ours)."""
 
 
 def calibrate(
@@ -69,18 +42,18 @@ def calibrate(
     """The parameters of `actuator` that have a tolerance, from runs known to be healthy, and without a load that was not
     logged.
 
-    `tolerance`: part of a channel's range that may be left unexplained. `on_step`: is told what is being done. HarnessError
+    `tolerance`: part of a channel's range that may be left unexplained, and OF_CURRENT times as much of a current's. `on_step`: is told what is being done. HarnessError
     if no parameter has a tolerance, or as from Twin.
     """
     began = time.perf_counter()
-    prior = _prior(actuator, bench)
-    with _flown(measured, actuator, bench, prior, on_step) as runs:
+    prior = stated_prior(actuator, bench)
+    with flown(measured, actuator, bench, prior, on_step) as runs:
         problem = Problem(runs, prior)
         fit, others = search(problem, on_step)
         on_step("uncertainty")
-        saturated = any([_saturates(run, {**run.model.parameters, **problem.unknowns.parameters_of(fit.u)}, bench)
+        saturated = any([saturates(run, {**run.model.parameters, **problem.unknowns.parameters_of(fit.u)}, bench)
                          for run in runs])  # fmt: skip
-        scale_open = _scale_is_open(prior, runs, saturated)
+        scale_open = scale_is_open(prior, runs, saturated)
         stated = np.array([name in actuator.tolerances and not (scale_open and name == SCALE) for name in prior.names])
         own_error = np.array([kept_sigma(name, actuator, bench.parameters) > 0.0 for name in prior.names])
         found, told, inflation = _believed(told_by(problem, fit.u), stated, own_error, scale_open)
@@ -104,75 +77,13 @@ def calibrate(
             nuisances=_nuisances(problem, u),
             rests=rests,
             inflation=inflation,
-            complaints=tuple(_complaint(item, problem, tolerance) for item in rests if item.unexplained > tolerance),
+            complaints=_complaints(rests, problem, tolerance),
             remarks=tuple(dict.fromkeys(lines)),
             flights=sum(run.model.count + (run.judge.count if run.judge else 0) for run in runs),
             seconds=time.perf_counter() - began,
             curves=tuple(Curves(run.measured, problem.seen(u, r), run.weight.copy()) for r, run in enumerate(runs)),
         )
         return replace(result, actuator=calibrated(actuator, result, bench.parameters))
-
-
-def _prior(actuator: Actuator, bench: Bench) -> Prior:
-    """What the file says; what is set for one run alone is exact there, and so for all."""
-    alone = {name for own in bench.own.values() for name in own}
-    averaged = bench.fidelity.name != REFERENCE.name
-    prior = prior_of(actuator, {**actuator.parameters, **bench.parameters}, averaged=averaged).without(sorted(alone))
-    if not any(name in actuator.tolerances for name in prior.names):
-        raise HarnessError(
-            f"actuator {actuator.name}: no tolerance is stated, so all is exact and there is nothing to calibrate; state "
-            "them under [tolerances] of its file, or by --free, such as --free 'mechanics.J=5 %'"
-        )
-    return prior
-
-
-@contextmanager
-def _flown(
-    measured: Sequence[Measured], actuator: Actuator, bench: Bench, prior: Prior, on_step: Callable[[str], object]
-) -> Iterator[list[Run]]:
-    """The runs, ready to be flown."""
-    with ExitStack() as stack:
-
-        def run_of(run: Measured, place: int) -> Run:
-            given = bench.parameters_of(place, actuator)
-            model = stack.enter_context(Flights(bench.fmus, bench.fidelity, run, given))
-            judge = None
-            if bench.fidelity.name != REFERENCE.name and not run.is_slow:  # what HF adds is lost between slow rows
-                judge = stack.enter_context(Flights(bench.fmus, FIDELITIES[REFERENCE.name], run, given))
-            made = Run(model, judge)
-            made.loads = np.empty((len(run.trial.time), 0))  # a load is logged, or there is none
-            return made
-
-        runs = []
-        for place, each in enumerate(measured):
-            if len(each.trials) > 1:
-                on_step(f"{each.name}: what the command does between rows")
-            chosen = decided(each, lambda run, place=place: run_of(run, place), prior)  # type: ignore[misc]
-            runs.append(run_of(chosen, place))
-        yield runs
-
-
-def _saturates(run: Run, parameters: Mapping[str, float], bench: Bench) -> bool:
-    """Whether the voltage saturates in a flight of the run."""
-    port = ports.VARIABLES[ports.INDEX["voltage_saturated"]]
-    with Twin(bench.fmus / bench.fidelity.fmu) as twin:
-        values, _ = twin.record(run.measured.trial, merged(bench.fidelity, parameters), [port])
-    return bool((values[run.measured.trial.time >= run.measured.time[0]] > 0.5).any())
-
-
-def _scale_is_open(prior: Prior, runs: Sequence[Run], saturated: bool) -> bool:
-    """Whether the runs leave open a factor common to torque constant, inertia and friction: unless a load is known, the
-    voltage saturates, or one of these is exact. What a fit says of it then is overconfident."""
-    return all(name in prior.names for name in KNOWN) and not saturated and not any(map(_loaded, runs))
-
-
-def _loaded(run: Run) -> bool:
-    """Whether a load was logged that is more than nothing."""
-    given, load = run.model.parameters, run.measured.trial.inputs.get("load_torque")
-    if load is None:
-        return False
-    torque = 1.5 * value_of("motor.K_e", given) * value_of("controller.current_limit", given)
-    return bool(np.ptp(load) + abs(load).max() > 4.0 * LOAD_SHARE * torque * value_of("gear.ratio", given))
 
 
 def _believed(raw: Told, stated: Mask, own_error: Mask, scale_open: bool) -> tuple[Told, Mask, Inflation]:
@@ -203,15 +114,15 @@ def _bench_alone(problem: Problem) -> Mask:
     return free
 
 
-def _written(
-    prior: Prior, covariance: Array, told: Mask, actuator: Actuator, bench: Bench
-) -> tuple[tuple[str, ...], Array]:
+def _written(prior: Prior, covariance: Array, told: Mask, actuator: Actuator, bench: Bench) -> tuple[tuple[str, ...], Array]:
     """Names of the parameters that are written with their covariance, and that, in the ports' units."""
     places = np.flatnonzero(linked(covariance, told, [name in actuator.tolerances for name in prior.names]))
     names = tuple(prior.names[place] for place in places)
     scales = np.where(prior.sigmas > 0.0, prior.sigmas, 1.0)[places]
     joint = covariance[np.ix_(places, places)] * np.outer(scales, scales)
-    kept = np.array([kept_sigma(name, actuator, bench.parameters) if told[prior.names.index(name)] else 0.0 for name in names])
+    kept = np.array(
+        [kept_sigma(name, actuator, bench.parameters) if told[prior.names.index(name)] else 0.0 for name in names]
+    )
     return names, joint + np.diag(kept**2)
 
 
@@ -266,10 +177,16 @@ def _rests(problem: Problem, u: Array) -> tuple[Rest, ...]:
     return tuple(out)
 
 
-def _complaint(item: Rest, problem: Problem, tolerance: float) -> str:
-    run = next(run for run in problem.runs if run.measured.name == item.run)
-    name = run.measured.shown[item.channel].name
-    return f"{item.run}, {name}: not explained, {100 * item.unexplained:.2g} % of its range is left ({100 * tolerance:.2g} %)"
+def _complaints(rests: Sequence[Rest], problem: Problem, tolerance: float) -> tuple[str, ...]:
+    """A line for each channel that is not explained."""
+    names = {(run.measured.name, port): own.name for run in problem.runs for port, own in run.measured.shown.items()}
+    lines = []
+    for item in rests:
+        most = tolerance * (OF_CURRENT if "current" in item.channel else 1.0)
+        if item.unexplained > most:
+            parts = f"{100 * item.unexplained:.2g} % of its range is left ({100 * most:.2g} %)"
+            lines.append(f"{item.run}, {names[item.run, item.channel]}: not explained, {parts}")
+    return tuple(lines)
 
 
 def _remarks(

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from harness.actuators.actuator import Actuator
-from harness.calibration.calibrate import Bench
+from harness.calibration.bench import Bench
 from harness.calibration.result import Calibration
 from harness.errors import HarnessError
 from harness.flight.twin import Twin
@@ -42,7 +42,7 @@ def parse_own(settings: Sequence[str], logs: Sequence[Path]) -> tuple[dict[str, 
 def runs_of(
     path: Path, parameters: Mapping[str, float], actuator: Actuator, columns: Mapping[str, str]
 ) -> list[tuple[Log, Measured]]:
-    """The runs of a log and what a fit sees of each; `parameters`: those set for it. HarnessError for one that is unusable."""
+    """The runs of a log and what a fit sees of each; `parameters`: those set for it. HarnessError for an unusable one."""
     check_together(parameters, str(path))
     check_drive(parameters, str(path))
     return [(log, measured_from_log(log, parameters)) for log in read_log(path, columns, actuator.output, parameters)]
@@ -65,8 +65,8 @@ def flown_again(
     checks: Sequence[tuple[Log, Mapping[str, float]]],
     on_step: Callable[[str], object] = lambda text: None,
 ) -> Calibration:
-    """The calibration with its `logs`, and with `checks`, logs that were not fitted with the parameters set for each, flown as
-    `ema replay` flies them with the actuator that was found. HarnessError as from `replay`."""
+    """The calibration with its `logs`, and with `checks`, logs that were not fitted with the parameters set for each, flown
+    as `ema replay` flies them with the actuator that was found. HarnessError as from `replay`."""
     decided = [
         replace(log, between=next(iter(curves.run.trials))) if log.between is None else log
         for log, curves in zip(logs, found.curves, strict=True)

@@ -1,7 +1,6 @@
-"""The page of a calibration, and the rows of its tables: parameters, nuisances, what is left, curves, spectra, predictions."""
+"""The page of a calibration, and the rows of its tables: parameters, nuisances, rests, curves, spectra, predictions."""
 
 import html
-from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
@@ -74,9 +73,7 @@ def nuisance_rows(found: Calibration) -> list[tuple[str, ...]]:
     rows = []
     for curves in found.curves:
         for channel, shown in curves.run.shown.items():
-            own = {
-                item.kind: item for item in found.nuisances if (item.run, item.channel) == (curves.run.name, channel)
-            }
+            own = {item.kind: item for item in found.nuisances if (item.run, item.channel) == (curves.run.name, channel)}
             cells = [_with_sigma(own[kind], scale) for kind, scale in
                      (("offset", shown.scale), ("gain", 100.0), ("shift", 1e3), ("lag", 1e3))]  # fmt: skip
             rows.append((curves.run.name, f"{shown.name} [{shown.unit}]", *cells))

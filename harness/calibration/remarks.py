@@ -1,4 +1,4 @@
-"""What a user of a calibration should know: which run would tell what these do not, bounds, correlations, sheets that are off."""
+"""What a user of a calibration should know: which run would tell more, bounds, correlations, sheets that are off."""
 
 from collections.abc import Sequence
 
@@ -39,8 +39,8 @@ WOULD_TELL = {
 """Port -> a run that tells it."""
 OTHER = "a run in which it matters more"
 SCALE_IS_OPEN = (
-    "these runs do not tell a factor that torque constant, inertia and friction have in common, for none has a known load or "
-    f"saturates the voltage: motor.K_e keeps its tolerance, which the others share; {LOADED} would tell"
+    "these runs do not tell a factor that torque constant, inertia and friction have in common, for none has a known "
+    f"load or saturates the voltage: motor.K_e keeps its tolerance, which the others share; {LOADED} would tell"
 )
 UNSATURATED = "no voltage saturation in these logs: a fast command is not predicted"
 

@@ -81,9 +81,9 @@ class Curves:
 
 @dataclass(frozen=True)
 class Inflation:
-    """How many times as uncertain the values are as the fit's own noise says: by blocks of time, by leaving out runs, and the
-    larger, which was taken. `scale`: whether the runs were not believed about a common scale of torque constant, inertia and
-    friction."""
+    """How many times as uncertain the values are as the fit's own noise says: by blocks of time, and by leaving out
+    runs; the larger was taken. `scale`: whether the runs were not believed about a common scale of torque constant, inertia
+    and friction."""
 
     blocks: float
     runs: float

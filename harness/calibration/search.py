@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.inference.explain import learn
-from harness.inference.problem import Fit, Problem
+from harness.inference.problem import MOST_STEPS, Fit, Problem
 from harness.inference.run import Run
 from harness.inference.sensors import GAIN, LAG, NUISANCES, SHIFT
 
@@ -22,9 +22,11 @@ SHIFTS = (0.3, 0.6, 0.0, -0.3)
 NEAR = 30.0
 """How far the cost of a start, after a step, may be above the best's for the search to go on from there."""
 LEARNT, SETTLED = 3, 0.5
-"""Most times that noise and gap are learnt, and the step of all parameters, in standard deviations after the fit, that ends it."""
+"""Most times that noise and gap are learnt, and the step of all parameters, in their standard deviations, that ends it."""
 LOSS = 3.0
 """Robust standard deviations from which the loss is rather linear than quadratic."""
+BEGUN, ENDED = 6, 3
+"""Linearisations of each start of slow logs, and how many of these go on, with the noise that they leave."""
 LATER = 8
 """Linearisations of a fit that starts where another has ended."""
 
@@ -123,22 +125,27 @@ def _starts(problem: Problem, u: Array, free: Mask) -> list[Array]:
 
 def _from_all(problem: Problem, free: Mask, on_step: Callable[[str], object]) -> tuple[Fit, list[float]]:
     """The best of searches of slow logs, from what was known before and from elsewhere, each with shifts in time that are
-    aligned, or all alike: a shift that is a row's part off makes a valley of its own. Each has the noise that it leaves."""
-    noises = [list(run.noises) for run in problem.runs]
+    aligned, or all alike: a shift that is a row's part off makes a valley of its own. The best go on with the noise that they
+    leave."""
     elsewhere = _starts(problem, problem.start, free)
     places = [problem.aligned(place) for place in (problem.start, *elsewhere[: STARTS // 2])]
     places += [_shifted(problem, place, part) for place, part in zip(elsewhere, SHIFTS, strict=False)]
-    ends: list[tuple[float, Fit]] = []
+    begun = []
     for n, place in enumerate(places):
         on_step(f"start {n + 1} of {len(places)}")
+        begun.append(problem.solve(place, free, most=BEGUN))
+    begun.sort(key=lambda fit: fit.cost)
+    noises = [list(run.noises) for run in problem.runs]
+    ends: list[tuple[float, Fit]] = []
+    for n, fit in enumerate(begun[:ENDED]):
+        on_step(f"end {n + 1} of {ENDED}")
         for run, own in zip(problem.runs, noises, strict=True):
             run.noises, run.weight = list(own), run.kept.astype(float)
-        fit = problem.solve(place, free)
         for r, run in enumerate(problem.runs):
             run.learn(problem.rest(fit.u, r))
         soften(problem, fit.u)
-        fit = problem.solve(fit.u, free, most=LATER)
-        ends.append((_left_over(problem, fit.u), fit))
+        end = problem.solve(fit.u, free, most=MOST_STEPS)
+        ends.append((_left_over(problem, end.u), end))
     ends.sort(key=lambda end: end[0])
     return ends[0][1], [float(np.expm1(left - ends[0][0])) for left, _ in ends[1:]]
 
@@ -155,8 +162,8 @@ def _shifted(problem: Problem, u: Array, part: float) -> Array:
 
 
 def _left_over(problem: Problem, u: Array) -> float:
-    """Mean of the logarithms of what is left of each channel, in its range, without its outliers: the likelihood of noise that
-    is not known (Seber and Wild, Nonlinear Regression, 2.2), the rows of all taken for one each."""
+    """Mean of the logarithms of what is left of each channel, in its range, without its outliers: the likelihood of noise
+    that is not known (Seber and Wild, Nonlinear Regression, 2.2), the rows of all taken for one each."""
     logs: list[float] = []
     for r, run in enumerate(problem.runs):
         rest = problem.rest(u, r)

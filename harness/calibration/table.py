@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 def kept_sigma(name: str, actuator: Actuator, settings: Mapping[str, float]) -> float:
-    """Deviation of the model's own error that a parameter keeps however well the runs tell it, in the port's unit: that of the
-    static friction in an averaged model at hysteresis control, else 0."""
+    """Deviation of the model's own error that a parameter keeps however well the runs tell it, in the port's unit: that of
+    the static friction in an averaged model at hysteresis control, else 0."""
     if name != T_STATIC:
         return 0.0
     exact = replace(actuator, tolerances={}, calibration={})
@@ -71,15 +71,14 @@ def with_files(actuator: Actuator, logs: Sequence[Path]) -> Actuator:
     return replace(actuator, calibration={**actuator.calibration, "files": files})
 
 
-def file_text(
-    actuator: Actuator, start: str | None, name: str, settings: Mapping[str, float], freed: Mapping[str, float]
-) -> str:
+def file_text(actuator: Actuator, start: str | None, settings: Mapping[str, float], freed: Mapping[str, float]) -> str:
     """The text of the file of a calibrated `actuator`: what stands in the file, or in the library, under `start`, the name
-    that `--actuator` gave; over it the parameters of `settings` and the tolerances `freed`, by port name; and the calibration.
+    that `--actuator` gave; over it the parameters of `settings` and the tolerances `freed`, by port name; and the
+    calibration.
 
-    `name`: of what has no file of its own. HarnessError if `start` cannot be read any more.
+    HarnessError if `start` cannot be read any more.
     """
-    content = _content(actuator, start, name)
+    content = _content(actuator, start)
     stated = flat(content.get("parameters", {}), "[parameters]")
     widths = flat(content.get("tolerances", {}), "[tolerances]")
     before = flat(content.get("calibration", {}).get("values", {}), "[calibration] values")
@@ -99,12 +98,12 @@ def file_text(
     return toml_text({key: content[key] for key in ORDER if content.get(key)})
 
 
-def _content(actuator: Actuator, start: str | None, name: str) -> dict[str, Any]:
+def _content(actuator: Actuator, start: str | None) -> dict[str, Any]:
     """What stands in the file of the start; of what has no TOML, what it says."""
     if start is not None and Path(start).suffix.lower() == ".toml":
-        return {"name": Path(start).stem, **read_toml(Path(start))}
+        return {"name": actuator.name, **read_toml(Path(start))}
     if start is not None and start in library():
-        return {**read_toml(LIBRARY / f"{start}.toml"), "name": name}
+        return {**read_toml(LIBRARY / f"{start}.toml"), "name": actuator.name}
     own = {port: value for port, value in actuator.parameters.items() if port not in actuator.calibration["values"]}
     output = {} if actuator.output.lead is None else {"lead": actuator.output.lead}
-    return {"name": name, "description": actuator.description, "parameters": own, "output": output}
+    return {"name": actuator.name, "description": actuator.description, "parameters": own, "output": output}

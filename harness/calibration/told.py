@@ -27,8 +27,8 @@ MOST_INFLATION = 30.0
 
 @dataclass(frozen=True)
 class Told:
-    """What the data say of the parameters, all in prior standard deviations, shape (n, n) and (n,): the `information` and the
-    `gradient` at `u`, halves of those of -2 log likelihood, all nuisances left free; the prior's `precision`, with its mean
+    """What the data say of the parameters, all in prior standard deviations, shape (n, n) and (n,): the `information` and
+    the `gradient` at `u`, halves of those of -2 log likelihood, all nuisances left free; the prior's `precision`, with its mean
     at 0; the `scatter` of the blocks' own gradients, which would be the information if the noise were as it was learnt; and
     the same two for each run alone."""
 
@@ -112,7 +112,7 @@ def _blocks(problem: Problem, r: int) -> NDArray[np.intp]:
 
 
 def _scores(parts: Array, blocks: NDArray[np.intp]) -> Array:
-    """Sum over the blocks of the outer squares of their gradients around the mean, shape (n, n), from each residual's part."""
+    """Sum over the blocks of the outer squares of their gradients around the mean, shape (n, n), by each residual's part."""
     names = np.unique(blocks)
     sums = np.array([parts[blocks == name].sum(axis=0) for name in names])
     off = sums - sums.mean(axis=0)
@@ -137,8 +137,8 @@ def cut(mean: Array, covariance: Array, known: Array, told: Mask) -> tuple[Array
 
 
 def linked(covariance: Array, told: Mask, able: Sequence[bool]) -> Mask:
-    """Which parameters are written with their covariance, shape (n,): the told, and of the `able` others those that a told one
-    hangs on."""
+    """Which parameters are written with their covariance, shape (n,): the told, and of the `able` others those that a told
+    one hangs on."""
     sigmas = np.sqrt(np.diag(covariance))
     correlation = np.abs(covariance) / np.outer(sigmas, sigmas)
     return told | (np.array(able, dtype=bool) & (correlation[:, told] > LINKED).any(axis=1))

@@ -29,7 +29,22 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, replay, columns, calibrate, campaign, identify, monitor, check, serve, compare, export, reference, ports):
+for command in (
+    build,
+    run,
+    replay,
+    columns,
+    calibrate,
+    campaign,
+    identify,
+    monitor,
+    check,
+    serve,
+    compare,
+    export,
+    reference,
+    ports,
+):
     app.command(cls=Guarded)(command)
 app.add_typer(actuator, name="actuator", no_args_is_help=True)
 app.add_typer(bench, name="bench")

@@ -35,14 +35,16 @@ def calibrate(
     actuator: ActuatorOption = None,
     free: Annotated[
         list[str] | None,
-        typer.Option("--free", metavar="NAME=TOL", help="A tolerance, such as mechanics.J='5 %'; over the file's; several times."),
+        typer.Option(
+            "--free", metavar="NAME=TOL", help="A tolerance, such as mechanics.J='5 %'; over the file's; several times."
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
             metavar="[LOG::]NAME=VALUE",
-            help="A parameter for all logs, or, with a log's name before it, for that alone: 'fast.csv::controller.pid.K_p=6'.",
+            help="A parameter for all logs, or, behind a log's name, for that alone: 'fast.csv::controller.pid.K_p=6'.",
         ),
     ] = None,
     columns: Columns = None,
@@ -53,12 +55,12 @@ def calibrate(
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON.")] = None,
     fmus: FmuDir = None,
 ) -> None:
-    """Fit an actuator's parameters to runs of it that are known to be healthy; writes an actuator file, and a page beside it.
+    """Fit an actuator's parameters to runs that are known to be healthy; writes an actuator file, and a page beside it.
 
     What has a tolerance in the actuator file is fitted, if the logs tell it. Exit code 1 if a log is not explained.
     """
     from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
-    from harness.calibration.calibrate import Bench
+    from harness.calibration.bench import Bench
     from harness.calibration.calibrate import calibrate as fit
     from harness.calibration.logs import flown_again, named, parse_own, runs_of
     from harness.calibration.page import page
@@ -95,8 +97,9 @@ def calibrate(
 
         found = fit(named([run for _, _, run in read]), chosen, bench, tolerance=tolerance, on_step=on_step)
         found = flown_again(found, bench, [log for _, log, _ in read], checks, on_step)
-    found = replace(found, actuator=with_files(found.actuator, logs))
-    content = file_text(found.actuator, actuator, out.stem, common, freed)
+    name = chosen.name if actuator and Path(actuator).suffix else out.stem  # the library's own names stay the library's
+    found = replace(found, actuator=replace(with_files(found.actuator, logs), name=name))
+    content = file_text(found.actuator, actuator, common, freed)
     results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]])))
     if json_file:
         results.write_json(json_file, {"actuator": found.actuator.identity, **found.as_dict()})
@@ -149,6 +152,8 @@ def _print(found: "Calibration") -> None:
     show(caption, HEADS, parameter_rows(found), words=("Unit", ""))
     show("What the bench adds", NUISANCES, nuisance_rows(found), words=("Channel",))
     show("What is left, beside what the bench adds", RESTS, rest_rows(found), words=("Channel",))
-    show("The logs flown again with the calibrated values, as by ema replay", FIGURES, figure_rows(found), words=("Channel",))
+    show(
+        "The logs flown again with the calibrated values, as by ema replay", FIGURES, figure_rows(found), words=("Channel",)
+    )
     for line in (*found.complaints, *found.remarks):
         typer.echo(line)

@@ -75,7 +75,9 @@ def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
         if isinstance(value, Mapping) and not (len(path) > 1 and _fits(value)):
             inner = (*path, key)
             own = _lines(value, inner)
-            after += own if own and not own[0] else ["", f"[{'.'.join(map(_key, inner))}]", *own]  # tables alone need no head
+            after += (
+                own if own and not own[0] else ["", f"[{'.'.join(map(_key, inner))}]", *own]
+            )  # tables alone need no head
         else:
             lines.append(f"{_key(key)} = {_value(value)}")
     return lines + after
