@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,19 @@ OF_CURRENT = 3.0
 """What a current may leave, in those: it switches, and slow rows alias that (ours)."""
 
 
+@dataclass(frozen=True)
+class Estimated:
+    """What is believed of the parameters: which are `told`, shape (n,); their `values`, shape (n,), in the prior's
+    deviations; the `names` of those that hang together, and their `covariance` in the ports' units; and how much that was
+    inflated."""
+
+    told: Mask
+    values: Array = field(repr=False)
+    names: tuple[str, ...]
+    covariance: Array = field(repr=False)
+    inflation: Inflation
+
+
 def calibrate(
     measured: Sequence[Measured],
     actuator: Actuator,
@@ -42,8 +55,8 @@ def calibrate(
     """The parameters of `actuator` that have a tolerance, from runs known to be healthy, and without a load that was not
     logged.
 
-    `tolerance`: part of a channel's range that may be left unexplained, and OF_CURRENT times as much of a current's. `on_step`: is told what is being done. HarnessError
-    if no parameter has a tolerance, or as from Twin.
+    `tolerance`: part of a channel's range that may be left unexplained, and OF_CURRENT times as much of a current's.
+    `on_step`: is told what is being done. HarnessError if no parameter has a tolerance, or as from Twin.
     """
     began = time.perf_counter()
     prior = stated_prior(actuator, bench)
@@ -51,39 +64,52 @@ def calibrate(
         problem = Problem(runs, prior)
         fit, others = search(problem, on_step)
         on_step("uncertainty")
-        saturated = any([saturates(run, {**run.model.parameters, **problem.unknowns.parameters_of(fit.u)}, bench)
-                         for run in runs])  # fmt: skip
+        at_best = problem.unknowns.parameters_of(fit.u)
+        saturated = any([saturates(run, {**run.model.parameters, **at_best}, bench) for run in runs])
         scale_open = scale_is_open(prior, runs, saturated)
-        stated = np.array([name in actuator.tolerances and not (scale_open and name == SCALE) for name in prior.names])
-        own_error = np.array([kept_sigma(name, actuator, bench.parameters) > 0.0 for name in prior.names])
-        found, told, inflation = _believed(told_by(problem, fit.u), stated, own_error, scale_open)
-        values, covariance = cut(found.mean(), found.covariance(), np.linalg.inv(found.precision), told)
-        u = _placed(problem, values)
+        found = _estimated(problem, fit.u, actuator, bench, scale_open)
         on_step("nuisances")
-        u = learnt(problem, problem.solve(u, _bench_alone(problem)), _bench_alone(problem), on_step).u
-        names, joint = _written(prior, covariance, told, actuator, bench)
-        parameters = _parameters(prior, problem, u, joint, names, told, actuator)
-        lines = _remarks(measured, problem, u, told, names, joint, parameters)
+        alone = _bench_alone(problem)
+        u = learnt(problem, problem.solve(_placed(problem, found.values), alone), alone, on_step).u
+        result = _result(problem, u, found, actuator, bench, tolerance)
+        lines = [*result.remarks, *_on_search(others, found.inflation)]
         lines += [remarks.SCALE_IS_OPEN] if scale_open else []
-        lines += _on_search(others, inflation)
         lines += [] if saturated else [remarks.UNSATURATED]
-        rests = _rests(problem, u)
-        result = Calibration(
-            actuator=actuator,
-            fidelity=bench.fidelity.name,
-            parameters=parameters,
-            linked=names,
-            covariance=joint,
-            nuisances=_nuisances(problem, u),
-            rests=rests,
-            inflation=inflation,
-            complaints=_complaints(rests, problem, tolerance),
-            remarks=tuple(dict.fromkeys(lines)),
-            flights=sum(run.model.count + (run.judge.count if run.judge else 0) for run in runs),
-            seconds=time.perf_counter() - began,
-            curves=tuple(Curves(run.measured, problem.seen(u, r), run.weight.copy()) for r, run in enumerate(runs)),
-        )
+        result = replace(result, remarks=tuple(lines), seconds=time.perf_counter() - began)
         return replace(result, actuator=calibrated(actuator, result, bench.parameters))
+
+
+def _estimated(problem: Problem, u: Array, actuator: Actuator, bench: Bench, scale_open: bool) -> Estimated:
+    """What the runs tell at the best fit `u`; with an open scale its parameter keeps what was known of it."""
+    prior = problem.unknowns.prior
+    stated = np.array([name in actuator.tolerances and not (scale_open and name == SCALE) for name in prior.names])
+    own_error = np.array([kept_sigma(name, actuator, bench.parameters) > 0.0 for name in prior.names])
+    found, told, inflation = _believed(told_by(problem, u), stated, own_error, scale_open)
+    known = np.asarray(np.linalg.inv(found.precision))
+    values, covariance = cut(found.mean(), found.covariance(), known, told)
+    names, joint = _written(prior, covariance, told, actuator, bench)
+    return Estimated(told, values, names, joint, inflation)
+
+
+def _result(problem: Problem, u: Array, found: Estimated, actuator: Actuator, bench: Bench, tolerance: float) -> Calibration:
+    """All that is told at `u`, with the remarks on it."""
+    runs, rests = problem.runs, _rests(problem, u)
+    parameters = _parameters(problem, u, found, actuator)
+    return Calibration(
+        actuator=actuator,
+        fidelity=bench.fidelity.name,
+        parameters=parameters,
+        linked=found.names,
+        covariance=found.covariance,
+        nuisances=_nuisances(problem, u),
+        rests=rests,
+        inflation=found.inflation,
+        complaints=_complaints(rests, problem, tolerance),
+        remarks=tuple(_remarks(problem, u, found, parameters)),
+        flights=sum(run.model.count + (run.judge.count if run.judge else 0) for run in runs),
+        seconds=0.0,
+        curves=tuple(Curves(run.measured, problem.seen(u, r), run.weight.copy()) for r, run in enumerate(runs)),
+    )
 
 
 def _believed(raw: Told, stated: Mask, own_error: Mask, scale_open: bool) -> tuple[Told, Mask, Inflation]:
@@ -126,20 +152,17 @@ def _written(prior: Prior, covariance: Array, told: Mask, actuator: Actuator, be
     return names, joint + np.diag(kept**2)
 
 
-def _parameters(
-    prior: Prior, problem: Problem, u: Array, joint: Array, names: Sequence[str], told: Mask, actuator: Actuator
-) -> tuple[Parameter, ...]:
+def _parameters(problem: Problem, u: Array, found: Estimated, actuator: Actuator) -> tuple[Parameter, ...]:
     """All that have a tolerance in the file."""
-    values = problem.unknowns.parameters_of(u)
+    prior, values, sigmas = problem.unknowns.prior, problem.unknowns.parameters_of(u), np.sqrt(np.diag(found.covariance))
     out = []
     for place, name in enumerate(prior.names):
         if name not in actuator.tolerances:
             continue
-        before = float(prior.sigmas[place])
-        sigma = float(np.sqrt(joint[names.index(name), names.index(name)])) if name in names else before
-        reason = "" if told[place] else remarks.would_tell(name)
-        value = values[name] if told[place] else float(prior.values[place])
-        out.append(Parameter(name, float(prior.values[place]), before, value, sigma, bool(told[place]), reason))
+        start, before, told = float(prior.values[place]), float(prior.sigmas[place]), bool(found.told[place])
+        sigma = float(sigmas[found.names.index(name)]) if name in found.names else before
+        reason = "" if told else remarks.would_tell(name)
+        out.append(Parameter(name, start, before, values[name] if told else start, sigma, told, reason))
     return tuple(out)
 
 
@@ -189,26 +212,18 @@ def _complaints(rests: Sequence[Rest], problem: Problem, tolerance: float) -> tu
     return tuple(lines)
 
 
-def _remarks(
-    measured: Sequence[Measured],
-    problem: Problem,
-    u: Array,
-    told: Mask,
-    names: Sequence[str],
-    joint: Array,
-    parameters: Sequence[Parameter],
-) -> list[str]:
+def _remarks(problem: Problem, u: Array, found: Estimated, parameters: Sequence[Parameter]) -> list[str]:
     own = problem.unknowns
-    part = np.arange(own.parameters.start, own.parameters.stop)[told]
-    freed = [own.prior.names[place] for place in np.flatnonzero(told)]
+    part = np.arange(own.parameters.start, own.parameters.stop)[found.told]
+    freed = [own.prior.names[place] for place in np.flatnonzero(found.told)]
     lines = [f"{run.measured.name}: {line}" for run in problem.runs for line in run.measured.remarks]
     lines += remarks.at_bound(freed, u[part], own.low[part], own.high[part])
-    sigmas = np.sqrt(np.diag(joint))
-    lines += remarks.correlated(names, joint / np.outer(sigmas, sigmas)) if len(names) else []
+    sigmas = np.sqrt(np.diag(found.covariance))
+    lines += remarks.correlated(found.names, found.covariance / np.outer(sigmas, sigmas))
     lines += remarks.off_the_sheet(parameters)
     if not freed:
         lines.append("these runs tell none of the parameters better than the file")
-    return lines
+    return list(dict.fromkeys(lines))
 
 
 def _on_search(others: Sequence[float], inflation: Inflation) -> list[str]:

@@ -101,7 +101,8 @@ def rest_rows(found: Calibration) -> list[tuple[str, ...]]:
 
 
 def figure_rows(found: Calibration) -> list[tuple[str, ...]]:
-    """A row of texts for each channel of each log that was flown again, those that were fitted before the others."""
+    """A row of texts for each channel that was fitted of each log that was flown again, the fitted logs before the others."""
+    fitted = {own.name for curves in found.curves for own in curves.channels}
     return [
         (
             f"{item.log.name}{note}",
@@ -115,6 +116,7 @@ def figure_rows(found: Calibration) -> list[tuple[str, ...]]:
         for group, note in ((found.replays, ""), (found.checks, " (not fitted)"))
         for item in group
         for channel in item.channels
+        if channel.name in fitted
     ]
 
 

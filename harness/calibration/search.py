@@ -125,8 +125,8 @@ def _starts(problem: Problem, u: Array, free: Mask) -> list[Array]:
 
 def _from_all(problem: Problem, free: Mask, on_step: Callable[[str], object]) -> tuple[Fit, list[float]]:
     """The best of searches of slow logs, from what was known before and from elsewhere, each with shifts in time that are
-    aligned, or all alike: a shift that is a row's part off makes a valley of its own. The best go on with the noise that they
-    leave."""
+    aligned, or all alike: a shift that is a row's part off makes a valley of its own. The best go on with the noise that
+    they leave."""
     elsewhere = _starts(problem, problem.start, free)
     places = [problem.aligned(place) for place in (problem.start, *elsewhere[: STARTS // 2])]
     places += [_shifted(problem, place, part) for place, part in zip(elsewhere, SHIFTS, strict=False)]

@@ -28,9 +28,9 @@ MOST_INFLATION = 30.0
 @dataclass(frozen=True)
 class Told:
     """What the data say of the parameters, all in prior standard deviations, shape (n, n) and (n,): the `information` and
-    the `gradient` at `u`, halves of those of -2 log likelihood, all nuisances left free; the prior's `precision`, with its mean
-    at 0; the `scatter` of the blocks' own gradients, which would be the information if the noise were as it was learnt; and
-    the same two for each run alone."""
+    the `gradient` at `u`, halves of those of -2 log likelihood, all nuisances left free; the prior's `precision`, with its
+    mean at 0; the `scatter` of the blocks' own gradients, which would be the information if the noise were as it was learnt;
+    and the same two for each run alone."""
 
     u: Array
     information: Array = field(repr=False)
@@ -41,7 +41,7 @@ class Told:
 
     def covariance(self) -> Array:
         """Laplace's approximation, shape (n, n)."""
-        return np.linalg.inv(self.information + self.precision)
+        return np.asarray(np.linalg.inv(self.information + self.precision))
 
     def inflated(self, factor: float) -> "Told":
         """The same with all that the data say, `factor` times as uncertain."""
