@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.inference.explain import learn
-from harness.inference.problem import MOST_STEPS, Fit, Problem
+from harness.inference.problem import Fit, Problem
 from harness.inference.run import Run
 from harness.inference.sensors import GAIN, LAG, NUISANCES, SHIFT
 
@@ -25,8 +25,8 @@ LEARNT, SETTLED = 3, 0.5
 """Most times that noise and gap are learnt, and the step of all parameters, in their standard deviations, that ends it."""
 LOSS = 3.0
 """Robust standard deviations from which the loss is rather linear than quadratic."""
-BEGUN, ENDED = 6, 3
-"""Linearisations of each start of slow logs, and how many of these go on, with the noise that they leave."""
+ALIGNED = 3
+"""Ends of searches of slow logs that are aligned once more, and searched on."""
 LATER = 8
 """Linearisations of a fit that starts where another has ended."""
 
@@ -125,29 +125,33 @@ def _starts(problem: Problem, u: Array, free: Mask) -> list[Array]:
 
 def _from_all(problem: Problem, free: Mask, on_step: Callable[[str], object]) -> tuple[Fit, list[float]]:
     """The best of searches of slow logs, from what was known before and from elsewhere, each with shifts in time that are
-    aligned, or all alike: a shift that is a row's part off makes a valley of its own. The best go on with the noise that
-    they leave."""
+    aligned, or all alike: a shift that is a row's part off makes a valley of its own. Each has the noise that it leaves; the
+    best are aligned once more where they have ended."""
     elsewhere = _starts(problem, problem.start, free)
     places = [problem.aligned(place) for place in (problem.start, *elsewhere[: STARTS // 2])]
     places += [_shifted(problem, place, part) for place, part in zip(elsewhere, SHIFTS, strict=False)]
-    begun = []
-    for n, place in enumerate(places):
-        on_step(f"start {n + 1} of {len(places)}")
-        begun.append(problem.solve(place, free, most=BEGUN))
-    begun.sort(key=lambda fit: fit.cost)
     noises = [list(run.noises) for run in problem.runs]
     ends: list[tuple[float, Fit]] = []
-    for n, fit in enumerate(begun[:ENDED]):
-        on_step(f"end {n + 1} of {ENDED}")
+    for n, place in enumerate(places):
+        on_step(f"start {n + 1} of {len(places)}")
         for run, own in zip(problem.runs, noises, strict=True):
             run.noises, run.weight = list(own), run.kept.astype(float)
-        for r, run in enumerate(problem.runs):
-            run.learn(problem.rest(fit.u, r))
-        soften(problem, fit.u)
-        end = problem.solve(fit.u, free, most=MOST_STEPS)
-        ends.append((_left_over(problem, end.u), end))
+        ends.append(_ended(problem, problem.solve(place, free).u, free))
     ends.sort(key=lambda end: end[0])
-    return ends[0][1], [float(np.expm1(left - ends[0][0])) for left, _ in ends[1:]]
+    for n, (_, fit) in enumerate(ends[:ALIGNED]):
+        on_step(f"end {n + 1} of {ALIGNED}")
+        ends.append(_ended(problem, problem.aligned(fit.u), free))
+    ends.sort(key=lambda end: end[0])
+    return ends[0][1], [float(np.expm1(left - ends[0][0])) for left, _ in ends[1 : len(places)]]
+
+
+def _ended(problem: Problem, u: Array, free: Mask) -> tuple[float, Fit]:
+    """What a search from `u` leaves over, with the noise that `u` leaves, and where it ends."""
+    for r, run in enumerate(problem.runs):
+        run.learn(problem.rest(u, r))
+    soften(problem, u)
+    fit = problem.solve(u, free, most=LATER)
+    return _left_over(problem, fit.u), fit
 
 
 def _shifted(problem: Problem, u: Array, part: float) -> Array:
