@@ -101,7 +101,7 @@ def rest_rows(found: Calibration) -> list[tuple[str, ...]]:
 
 
 def figure_rows(found: Calibration) -> list[tuple[str, ...]]:
-    """A row of texts for each channel that was fitted of each log that was flown again, the fitted logs before the others."""
+    """A row of texts for each channel that was fitted of each log that was flown again, fitted logs first."""
     fitted = {own.name for curves in found.curves for own in curves.channels}
     return [
         (

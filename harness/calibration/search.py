@@ -21,7 +21,7 @@ SHIFTS = (0.3, 0.6, 0.0, -0.3)
 """Shifts in time that starts of slow logs have, in the bounds of these."""
 NEAR = 30.0
 """How far the cost of a start, after a step, may be above the best's for the search to go on from there."""
-LEARNT, SETTLED = 3, 0.5
+LEARNT, SETTLED = 2, 0.5
 """Most times that noise and gap are learnt, and the step of all parameters, in their standard deviations, that ends it."""
 LOSS = 3.0
 """Robust standard deviations from which the loss is rather linear than quadratic."""

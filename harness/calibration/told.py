@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.calibration.search import unknown
-from harness.inference.problem import Problem
+from harness.inference.problem import Problem, products
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -84,7 +84,7 @@ def told_by(problem: Problem, u: Array) -> Told:
         rest, columns, places = problem.slopes(u, free, r)
         mine, others = _columns(columns, places, part), ~np.isin(places, part)
         beside, at = columns[:, others], places[others]
-        inner = beside.T @ beside + own.precision[np.ix_(at, at)]
+        inner = products(beside) + own.precision[np.ix_(at, at)]
         follows = np.linalg.solve(inner, beside.T @ mine)
         here = mine.T @ mine - mine.T @ beside @ follows
         slope = mine.T @ rest - follows.T @ (beside.T @ rest + own.precision[np.ix_(at, at)] @ (u - own.mean)[at])
