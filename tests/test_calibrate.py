@@ -153,6 +153,7 @@ def test_what_cannot_be_calibrated_is_refused(bench: Any, fmus: dict[str, Path],
         (["--out", out, *tolerant, "--free", "motor.Q=5 %"], "motor.Q"),
         (["--out", out, *tolerant, "--free", "motor.p=1"], "exact"),
         (["--out", out, *tolerant, "--tolerance", "0"], "more than 0"),
+        (["--out", out, "--actuator", bench.out, "--free", "mechanics.J=5 %"], "has it calibrated"),
         (["--out", bench.start, *tolerant], "write over"),
     ):
         result = ema(*given, *options)

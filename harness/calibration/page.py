@@ -18,7 +18,7 @@ from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, t
 
 Array = NDArray[np.float64]
 
-LINES = {"measured": Line("#888888", width=1.0, opacity=0.7), "fitted": Line("#1f6fd6")}
+LINES = {"measured": Line("#888888", width=1.0, opacity=0.7), "fitted": Line("#1f6fd6"), "left": Line("#1f6fd6")}
 HEADS = ("Parameter", "Unit", "Start", "+-", "Value", "Sigma", "of before", "")
 NUISANCES = ("Run", "Channel", "Offset", "Gain [%]", "Shift [ms]", "Low-pass [ms]")
 RESTS = ("Run", "Channel", "Rms [% of range]", "unexplained", "Noise", "order")
@@ -180,13 +180,13 @@ def spectra(curves: Curves) -> go.Figure:
 
 
 def _densities(curves: Curves, place: int, scale: float) -> dict[str, tuple[Array, Array]]:
-    """Frequency [Hz] and density by what it is of; the residual has the fit's colour."""
+    """Frequency [Hz] and density by what it is of: what was measured, and what is left of it."""
     run = curves.run
     data = run.values[:, place]
     rest = np.where(curves.weight[:, place] > 0.0, curves.fitted[:, place] - data, 0.0)
     rate = 1.0 / float(np.median(np.diff(run.time)))
     out = {}
-    for label, series in {"measured": data, "fitted": rest}.items():
+    for label, series in {"measured": data, "left": rest}.items():
         frequency, density = welch(scale * series, rate, nperseg=min(SEGMENT, len(series)))
         out[label] = frequency[1:], density[1:]
     return out

@@ -112,6 +112,7 @@ def calibrate(
 
 def _freed(actuator: "Actuator", texts: list[str] | None) -> "tuple[Actuator, dict[str, float]]":
     """The actuator with the tolerances of `--free` over its own, and these."""
+    from harness.actuators.calibrated import covariance_of
     from harness.actuators.values import tolerances_of
 
     table = {}
@@ -119,6 +120,10 @@ def _freed(actuator: "Actuator", texts: list[str] | None) -> "tuple[Actuator, di
         name, equals, width = (part.strip() for part in text.partition("="))
         if not equals or not width:
             raise HarnessError(f"--free {text}: NAME=TOL is needed, such as mechanics.J='5 %'")
+        if name in covariance_of(actuator.calibration).names:
+            raise HarnessError(
+                f"--free {text}: actuator {actuator.name} has it calibrated; its covariance is where this one starts"
+            )
         table[name] = width
     freed = tolerances_of(table, actuator.parameters, actuator.output, "--free")
     return replace(actuator, tolerances={**actuator.tolerances, **freed}), freed
