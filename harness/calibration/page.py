@@ -155,10 +155,8 @@ def figure(curves: Curves) -> go.Figure:
                 curve(label, LINES[label], thinned(run.time, values), legend=place == 0), row=2 * place + 1, col=1
             )
         rest = np.where(curves.weight[:, place] > 0.0, fit - data, np.nan)
-        used = np.isfinite(rest)
-        drawing.add_trace(
-            curve("fitted", LINES["fitted"], thinned(run.time[used], rest[used]), legend=False), row=2 * place + 2, col=1
-        )
+        left = curve("fitted", LINES["fitted"], thinned(run.time, rest), legend=False)  # a gap where it is no number
+        drawing.add_trace(left, row=2 * place + 2, col=1)
     note = f"Time [s] ({RESIDUAL} measured, without rows that carry no weight)"
     drawing.update_xaxes(title_text=note, row=2 * len(curves.channels), col=1)
     drawing.update_layout(**LAYOUT, hovermode="x unified")
@@ -175,7 +173,7 @@ def spectra(curves: Curves) -> go.Figure:
             drawing.add_trace(curve(label, LINES[label], points, legend=place == 0), row=1, col=place + 1)
     drawing.update_xaxes(type="log", title_text="Frequency [Hz]")
     drawing.update_yaxes(type="log")
-    drawing.update_layout(**LAYOUT)
+    drawing.update_layout(**{**LAYOUT, "legend": {**LAYOUT["legend"], "y": 1.12}})  # above the titles
     return drawing
 
 
