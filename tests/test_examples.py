@@ -133,6 +133,18 @@ def test_a_log_is_flown_again(clone: Path) -> None:
         assert key in text
 
 
+def test_an_actuator_is_calibrated(clone: Path) -> None:
+    """The friction that the plant was set to, in the file that is written; and the keys that the page lists."""
+    block = marked("run: a calibration")
+    assert "TRAPEZOID_HF (not fitted)" in run(block, clone) and (clone / "mine.html").is_file()
+    found = json.loads((clone / "mine.json").read_text())
+    assert abs(found["parameters"]["mechanics.T_coulomb"]["value"] - 0.034) < 0.0005
+    text = block.page.read_text()
+    for key in (*found, *found["inflation"], *found["parameters"]["mechanics.C"]):
+        assert key in text
+    assert '"mechanics.T_coulomb"' in (clone / "mine.toml").read_text()
+
+
 def test_every_marked_block_is_run() -> None:
     source = Path(__file__).read_text()
     for block in BLOCKS:

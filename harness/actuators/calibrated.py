@@ -15,7 +15,7 @@ from harness.errors import HarnessError, unknown
 from harness.files.toml import flat
 from harness.parameters import settable
 
-KEYS = ("names", "values", "covariance", "nuisances", "files", "date", "by", "remarks")
+KEYS = ("names", "values", "covariance", "nuisances", "noise", "inflation", "model", "files", "date", "by", "remarks")
 KINDS = {port.name.partition(".")[0] for port in ports.PARAMETERS}
 WIDTH = 1.96
 """Standard deviations from the middle of a 95 % interval to its ends."""

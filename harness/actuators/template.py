@@ -39,6 +39,11 @@ description = ""
 [parameters]
 {parameters}
 
+# Half widths of 95 % intervals around values that are not exact, wherever the values come from; ema calibrate frees these.
+[tolerances]
+# "mechanics.C" = "30 %"
+# "mechanics.T_coulomb" = "5 mN.m"
+
 # A linear actuator: its travel a revolution of the user shaft. Outside, position and command are then in m, the load in N;
 # under [parameters], "mechanics.end_stop" and "gear.backlash" may be lengths. State "gear.ratio" too, or travel_constant
 # under [sheet] (the motor's angle over the travel), and "mechanics.end_stop": their defaults are a rotary actuator's.

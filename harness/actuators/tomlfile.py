@@ -11,13 +11,13 @@ from harness.actuators.calibrated import read_calibration
 from harness.actuators.derived import no_load_current
 from harness.actuators.doubts import doubts
 from harness.actuators.sheet import CLOSE, WORDS, from_sheet
-from harness.actuators.values import Stated, checked_name, stated, stated_for, stated_lead
+from harness.actuators.values import Stated, checked_name, stated, stated_for, stated_lead, tolerances_of
 from harness.errors import HarnessError, unknown
 from harness.faults import checked_limit
 from harness.files.toml import flat, read_toml
 from harness.parameters import check_drive, check_together, settable
 
-TABLES = ("parameters", "sheet", "output", "log", "limits", "calibration", "provenance")
+TABLES = ("parameters", "tolerances", "sheet", "output", "log", "limits", "calibration", "provenance")
 KEYS = ("name", "description", *TABLES)
 LOG_WORDS = ("time", "run", "group", "position_error", "position_demand", "temperature")
 """Keys of `[log]` that are no ports."""
@@ -29,7 +29,8 @@ SOURCES = "sources"
 def read_actuator_toml(path: Path) -> Actuator:
     """The actuator in the file at `path`; HarnessError, with file and key, for whatever cannot be used.
 
-    What is stated under `[parameters]` wins over what follows from `[sheet]`, and what is calibrated over both.
+    What is stated under `[parameters]` wins over what follows from `[sheet]`, and what is calibrated over both; tolerances
+    beside values win over those under `[tolerances]`.
     """
     content = read_toml(path)
     _known(content, KEYS, f"key in {path}:")
@@ -46,13 +47,14 @@ def read_actuator_toml(path: Path) -> Actuator:
         | dict.fromkeys(calibrated, "calibrated")
     )
     parameters = {port: found.value for port, found in values.items()}
+    widths = {port: found.tolerance for port, found in values.items() if found.tolerance is not None}
     check_together(parameters, str(path))
     check_drive(parameters, str(path))
     actuator = Actuator(
         name=checked_name(_text(content, "name", path) or path.stem, f"{path}, name"),
         description=_text(content, "description", path),
         parameters=parameters,
-        tolerances={port: found.tolerance for port, found in values.items() if found.tolerance is not None},
+        tolerances=tolerances_of(tables["tolerances"], parameters, output, f"{path}, [tolerances]") | widths,
         origins=origins,
         output=output,
         log=_log(tables["log"], f"{path}, [log]"),

@@ -4,11 +4,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError
-from harness.parameters import also_in, check_unit, check_value
+from harness.files.toml import flat
+from harness.parameters import also_in, check_unit, check_value, settable
 from harness.units import conversion, split
 
 LEAST_LEAD, MOST_LEAD = 1e-6, 1e3
@@ -123,3 +125,36 @@ def stated_for(variable: ports.Variable, given: object, output: Output, where: s
         found = stated(given, variable.unit, where, outside=(own, scale) if own != variable.unit else also_in(variable))
     check_value(variable, found.value, where)
     return found
+
+
+def tolerances_of(table: Mapping[str, Any], values: Mapping[str, float], output: Output, where: str) -> dict[str, float]:
+    """Port -> half width of the interval around its value, in the port's unit, from a table of numbers and texts.
+
+    A number is in the port's unit; a text has a unit, or is a percentage of the value: that in `values`, or the port's
+    default. HarnessError, beginning with `where`, as from `stated`, or for a port whose value cannot be off by a little.
+    """
+    return {
+        name: tolerance_for(name, given, values, output, f"{where} {name}") for name, given in flat(table, where).items()
+    }
+
+
+def tolerance_for(name: str, given: object, values: Mapping[str, float], output: Output, where: str) -> float:
+    """The half width that `given` means for the port `name`; arguments and errors as for `tolerances_of`."""
+    variable = settable(name, where)
+    if variable.kind != "Real":
+        raise HarnessError(f"{where}: {variable.kind} has no tolerance, its value is exact")
+    text = PLUS_MINUS.sub("", given).strip() if isinstance(given, str) else given
+    if isinstance(text, str) and text.endswith("%"):
+        share, value = stated(text.removesuffix("%"), "", where), values.get(name, variable.start)
+        if value == 0.0:
+            raise HarnessError(f"{where}: {given} of 0 is nothing; a tolerance in {variable.unit} is needed")
+        width = abs(value) * share.value / 100.0
+    else:
+        own, scale = output.unit(name), output.scale(name)
+        other = (own, scale) if own != variable.unit else also_in(variable)
+        if isinstance(text, str):
+            check_unit(variable, text, where)
+        width = stated(text, variable.unit, where, outside=other).value
+    if not width > 0.0:
+        raise HarnessError(f"{where}: a tolerance of more than 0 is needed, not {given}")
+    return width

@@ -9,6 +9,7 @@ from ema_fmu_src import __version__
 from harness.cli.actuator import actuator
 from harness.cli.bench import bench
 from harness.cli.build import build
+from harness.cli.calibrate import calibrate
 from harness.cli.campaign import campaign
 from harness.cli.check import check
 from harness.cli.columns import columns
@@ -28,7 +29,22 @@ INTERRUPTED = 130
 """Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
-for command in (build, run, replay, columns, campaign, identify, monitor, check, serve, compare, export, reference, ports):
+for command in (
+    build,
+    run,
+    replay,
+    columns,
+    calibrate,
+    campaign,
+    identify,
+    monitor,
+    check,
+    serve,
+    compare,
+    export,
+    reference,
+    ports,
+):
     app.command(cls=Guarded)(command)
 app.add_typer(actuator, name="actuator", no_args_is_help=True)
 app.add_typer(bench, name="bench")

@@ -1,7 +1,10 @@
-"""Reads TOML files."""
+"""Reads TOML files, and writes them."""
 
+import datetime
+import json
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,3 +53,57 @@ def flat(table: Mapping[str, Any], where: str, before: str = "") -> dict[str, An
                 raise HarnessError(f"{where} {full}: it is there twice, with and without quotes")
         names |= found
     return names
+
+
+BARE = re.compile(r"[A-Za-z0-9_-]+")
+"""Keys that need no quotes."""
+LONGEST_LINE = 110
+"""Characters of a list beyond which each of its items has a line of its own."""
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """A table as TOML, which `read_toml` reads as the same: texts, numbers, dates, lists of these, and tables of all.
+
+    Tables follow what is no table; those that hold no other table and fit a line stand in one, below the first level.
+    """
+    return "\n".join(_lines(table, ())).strip() + "\n"
+
+
+def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    lines, after = [], []
+    for key, value in table.items():
+        if isinstance(value, Mapping) and not (len(path) > 1 and _fits(value)):
+            inner = (*path, key)
+            own = _lines(value, inner)
+            after += (
+                own if own and not own[0] else ["", f"[{'.'.join(map(_key, inner))}]", *own]
+            )  # tables alone need no head
+        else:
+            lines.append(f"{_key(key)} = {_value(value)}")
+    return lines + after
+
+
+def _fits(table: Mapping[str, Any]) -> bool:
+    return not any(isinstance(value, Mapping) for value in table.values()) and len(_value(table)) < LONGEST_LINE
+
+
+def _key(key: str) -> str:
+    return key if BARE.fullmatch(key) else json.dumps(key, ensure_ascii=False)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, Sequence):
+        items = [_value(item) for item in value]
+        line = f"[{', '.join(items)}]"
+        return line if len(line) < LONGEST_LINE else "[\n" + "".join(f"  {item},\n" for item in items) + "]"
+    raise TypeError(f"{value!r} is nothing that TOML has")

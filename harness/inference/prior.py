@@ -62,7 +62,7 @@ def prior_of(actuator: Actuator, parameters: Mapping[str, float], *, averaged: b
     if known:
         here, there = [names.index(name) for name in known], [calibrated.names.index(name) for name in known]
         covariance[np.ix_(here, here)] = calibrated.covariance[np.ix_(there, there)]
-    if shaken:
+    if shaken and T_STATIC not in known:  # a calibration's has it already
         place = names.index(T_STATIC)
         covariance[place, place] += shaken**2
     return Prior(names, np.array([value_of(name, parameters) for name in names]), covariance, averaged)

@@ -27,6 +27,8 @@ ENOUGH = 0.3
 """Fall of -2 log likelihood that a step has to promise: less tells nothing apart."""
 FAULT_REACH, REACH = 0.3, 2.0
 """Sizes of the first trust region: of faults in spans, of the others in standard deviations."""
+ROWS = 1000
+"""Rows of a product at a time."""
 KEPT_PROMISE = 0.1
 """Part of what a step promised that it has to keep."""
 
@@ -131,34 +133,17 @@ class Problem:
         """The quadratic at `u` over what is `free`; a flight for each unknown that needs one, of all runs on all cores. With
         `blocks`, its scores too."""
         own = self.unknowns
-        shared = {place: parts for place, parts in own.products(u).items() if free[place]}
-        needed = {other for parts in shared.values() for other, _ in parts}
-        flown = [at for at in range(own.size) if (free[at] or at in needed) and at not in shared and own.in_flight(at)]
         data, gradient, cost = np.zeros((own.size, own.size)), np.zeros(own.size), self._pull(u)
         scores: list[Array] = []
         chances = np.zeros((0, own.size))
         for r, run in enumerate(self.runs):
-            load = own.loads[r]
-            here = [at for at in flown if (at < own.parameters.stop or load.start <= at < load.stop) and not self.dead[at]]
-            base, slopes = self._slopes(u, r, here)
-            for place, parts in shared.items():
-                known = [factor * slopes[other] for other, factor in parts if other in slopes]
-                if known:
-                    slopes[place] = np.sum(known, axis=0)
-            places = [at for at in slopes if free[at]]
-            rest = run.white(base - run.data)
-            columns = run.white(np.stack([slopes[at] for at in places], axis=-1)) if places else np.empty((len(rest), 0))
-            at_nuisances = np.flatnonzero(free[own.nuisances[r]]) + own.nuisances[r].start
-            if at_nuisances.size:
-                columns = np.hstack([columns, self._nuisance_columns(u, r, at_nuisances)])
-                places = [*places, *at_nuisances.tolist()]
-            where = np.array(places, dtype=int)
-            data[np.ix_(where, where)] += columns.T @ columns
+            rest, columns, where = self.slopes(u, free, r)
+            data[np.ix_(where, where)] += products(columns)
             gradient[where] += columns.T @ rest
             cost += float(rest @ rest)
             if blocks:
                 own_scores = np.zeros((run.blocks.max() + 1, own.size))
-                for at, column in zip(places, columns.T, strict=True):
+                for at, column in zip(where, columns.T, strict=True):
                     own_scores[:, at] = np.bincount(run.blocks, column * rest, len(own_scores))
                 scores.append(own_scores)
                 if run.flights is not None:
@@ -168,6 +153,29 @@ class Problem:
         off = u - own.mean
         summed = np.vstack(scores) if scores else np.empty((0, 0))
         return Fit(u, cost, data + own.precision, gradient + own.precision @ off, data, free, summed, chances)
+
+    def slopes(self, u: Array, free: Mask, r: int) -> tuple[Array, Array, NDArray[np.intp]]:
+        """The white residuals of run `r` at `u`, shape (n_residuals,), their derivatives by what is `free` and acts on that
+        run, shape (n_residuals, n), and the places of these unknowns, shape (n,)."""
+        own, run = self.unknowns, self.runs[r]
+        shared = {place: parts for place, parts in own.products(u).items() if free[place]}
+        needed = {other for parts in shared.values() for other, _ in parts}
+        flown = [at for at in range(own.size) if (free[at] or at in needed) and at not in shared and own.in_flight(at)]
+        load = own.loads[r]
+        here = [at for at in flown if (at < own.parameters.stop or load.start <= at < load.stop) and not self.dead[at]]
+        base, slopes = self._slopes(u, r, here)
+        for place, parts in shared.items():
+            known = [factor * slopes[other] for other, factor in parts if other in slopes]
+            if known:
+                slopes[place] = np.sum(known, axis=0)
+        places = [at for at in slopes if free[at]]
+        rest = run.white(base - run.data)
+        columns = run.white(np.stack([slopes[at] for at in places], axis=-1)) if places else np.empty((len(rest), 0))
+        at_nuisances = np.flatnonzero(free[own.nuisances[r]]) + own.nuisances[r].start
+        if at_nuisances.size:
+            columns = np.hstack([columns, self._nuisance_columns(u, r, at_nuisances)])
+            places = [*places, *at_nuisances.tolist()]
+        return rest, columns, np.array(places, dtype=int)
 
     def _slopes(self, u: Array, r: int, places: list[int]) -> tuple[Array, dict[int, Array]]:
         """What run `r` would have logged at `u`, and its derivatives by the unknowns at `places`."""
@@ -252,6 +260,15 @@ class Problem:
                 view = out[self.unknowns.nuisances[r]].reshape(scales.shape)
                 view[slow, SHIFT] = (found / scales[:, SHIFT])[slow]
         return out
+
+
+def products(columns: Array) -> Array:
+    """The products of `columns` (n_rows, n) with each other, shape (n, n), some rows at a time: larger products BLAS shares
+    out to threads, which on a busy machine takes it seconds."""
+    parts = np.ascontiguousarray(columns)
+    return np.asarray(
+        sum((part.T @ part for part in np.split(parts, range(ROWS, len(parts), ROWS))), np.zeros(2 * columns.shape[1:]))
+    )
 
 
 def _bounded(root: Array, target: Array, own: Unknowns, u: Array, chosen: NDArray[np.intp], reach: Array) -> Array:

@@ -1,0 +1,1 @@
+"""An actuator's parameters from runs that are known to be healthy."""
