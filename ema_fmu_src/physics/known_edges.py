@@ -104,10 +104,10 @@ def pass_over(of, legs, edge, dead_time, i, e, N, V_dc, span, over):
         half, sixth = 0.5 * h, h * h * (1.0 / 6.0)
         new_a, new_b = i_a + h * (slope_a - half * bend_a), i_b + h * (slope_b - half * bend_b)
         new_c = -(new_a + new_b)
-        clear_a = not edge.a <= until <= at_a or sign.a * new_a > reach_a
-        clear_b = not edge.b <= until <= at_b or sign.b * new_b > reach_b
-        clear_c = not edge.c <= until <= at_c or sign.c * new_c > reach_c
-        if dead_time > 0.0 and not (clear_a and clear_b and clear_c):
+        dies_a = at_a > t and edge.a <= until and sign.a * new_a <= reach_a
+        dies_b = at_b > t and edge.b <= until and sign.b * new_b <= reach_b
+        dies_c = at_c > t and edge.c <= until and sign.c * new_c <= reach_c
+        if dead_time > 0.0 and (dies_a or dies_b or dies_c):
             break
         mean_a, mean_b = i_a + half * slope_a - sixth * bend_a, i_b + half * slope_b - sixth * bend_b
         q_a, q_b = q_a + h * mean_a, q_b + h * mean_b

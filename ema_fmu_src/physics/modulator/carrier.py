@@ -45,13 +45,13 @@ def modulate(u, top, space_vector):
 
 
 @kernel
-def pulse(v_j, V_dc, rising, T, least, keeps_off):
-    """The half carrier period T of a leg that is to give v_j.
+def pulse(v_j, T_per_V, rising, T, least, keeps_off):
+    """The half carrier period T of a leg that is to give v_j; `T_per_V` is T/V_dc, 0 without a supply.
 
     A pulse shorter than `least` [s] is dropped; where the utilisation keeps the legs off the rails (`keeps_off`), it is
     lengthened instead, for a leg that stays on its rail would give more than that.
     """
-    on = (0.5 + v_j / V_dc) * T if V_dc > 0.0 else 0.0
+    on = 0.5 * T + v_j * T_per_V if T_per_V > 0.0 else 0.0
     if on < least:
         on = least if keeps_off else 0.0
     elif T - on < least:
