@@ -39,10 +39,10 @@ def _peak(v, x, loop, sensors, motion, i, legs, V_dc):
     rising = int(x[own.peak]) & 1 == 0
     x[own.peak] += 1.0
     least, keeps_off = v[port.inverter.minimum_pulse], v[port.inverter.utilisation] < 1.0
-    T_per_V = T / V_dc if V_dc > 0.0 else 0.0
-    a = carrier.pulse(given.v.a, T_per_V, rising, T, least, keeps_off)
-    b = carrier.pulse(given.v.b, T_per_V, rising, T, least, keeps_off)
-    c = carrier.pulse(given.v.c, T_per_V, rising, T, least, keeps_off)
+    half, per_V = (0.5 * T, T / V_dc) if V_dc > 0.0 else (0.0, 0.0)
+    a = carrier.pulse(half + given.v.a * per_V, rising, T, least, keeps_off)
+    b = carrier.pulse(half + given.v.b * per_V, rising, T, least, keeps_off)
+    c = carrier.pulse(half + given.v.c * per_V, rising, T, least, keeps_off)
     dead_time = v[port.inverter.dead_time]
     legs = Abc(carrier.begun(legs.a, a, dead_time), carrier.begun(legs.b, b, dead_time), carrier.begun(legs.c, c, dead_time))
     return legs, Abc(a.edge, b.edge, c.edge)
