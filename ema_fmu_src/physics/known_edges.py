@@ -13,7 +13,7 @@ from .phases import Abc
 
 class Pair(NamedTuple):
     """The star of unequal phases in the currents of phases a and b, to which voltages about that of leg c drive: K [1/H], and
-    M [1/s]; 1.1*K_jj of each leg, by which V_dc bounds the slope of its current."""
+    M [1/s]."""
 
     K_aa: float
     K_ab: float
@@ -22,7 +22,6 @@ class Pair(NamedTuple):
     M_ab: float
     M_ba: float
     M_bb: float
-    most: Abc
 
 
 class Integrals(NamedTuple):
@@ -38,7 +37,7 @@ def pair(star):
     """The star in two currents: K_jk = g_j*(1 [j = k] - g_k/sum(g)); a voltage that all legs have in common drives nothing."""
     R, g, per_g, _ = star
     K_ab, K_ac, K_bc = -g.a * g.b * per_g, -g.a * g.c * per_g, -g.b * g.c * per_g
-    K_aa, K_bb, K_cc = -(K_ab + K_ac), -(K_ab + K_bc), -(K_ac + K_bc)
+    K_aa, K_bb = -(K_ab + K_ac), -(K_ab + K_bc)
     return Pair(
         K_aa,
         K_ab,
@@ -47,7 +46,6 @@ def pair(star):
         K_ab * R.b - K_ac * R.c,
         K_ab * R.a - K_bc * R.c,
         K_bb * R.b - K_bc * R.c,
-        Abc(1.1 * K_aa, 1.1 * K_bb, 1.1 * K_cc),
     )
 
 
@@ -72,6 +70,15 @@ def _change(side_j, edge_j, dead_time, sign_j):
 
 
 @kernel
+def _pulled(at_edge, at_j, at_k, at_l, V_jk, V_jl):
+    """The slope by which a leg that changes at its edge is pulled toward zero after it by those that change later; one that
+    changes after its dead time has been further from zero before."""
+    if not at_edge:
+        return 0.0
+    return (V_jk if at_k > at_j else 0.0) + (V_jl if at_l > at_j else 0.0)
+
+
+@kernel
 def pass_over(of, legs, edge, dead_time, i, e, N, V_dc, span, over):
     """From change to change of legs that are all tied to the rails of their sides, over a time `span` or as far as all is as
     foreseen: the time, the currents, and the integrals added to those `over` before.
@@ -87,12 +94,13 @@ def pass_over(of, legs, edge, dead_time, i, e, N, V_dc, span, over):
     rest_a, rest_b = back_a + of.M_aa * i.a + of.M_ab * i.b, back_b + of.M_ba * i.a + of.M_bb * i.b
     slope_a, slope_b = K_aa * x + K_ab * y - rest_a, K_ab * x + K_bb * y - rest_b
     sign = _signs(of, legs, edge, i, Abc(slope_a, slope_b, -(slope_a + slope_b)), V_dc)
-    reach_a = dead_time * (of.most.a * V_dc + abs(rest_a))
-    reach_b = dead_time * (of.most.b * V_dc + abs(rest_b))
-    reach_c = dead_time * (of.most.c * V_dc + abs(rest_a + rest_b))
     at_a = _change(rail_a, edge.a, dead_time, sign.a)
     at_b = _change(rail_b, edge.b, dead_time, sign.b)
     at_c = _change(rail_c, edge.c, dead_time, sign.c)
+    most, V_ab, V_ac, V_bc = 1.1 * dead_time, -of.K_ab * V_dc, (of.K_aa + of.K_ab) * V_dc, (of.K_ab + of.K_bb) * V_dc
+    reach_a = most * (abs(rest_a) + _pulled(at_a == edge.a, at_a, at_b, at_c, V_ab, V_ac))
+    reach_b = most * (abs(rest_b) + _pulled(at_b == edge.b, at_b, at_c, at_a, V_bc, V_ab))
+    reach_c = most * (abs(rest_a + rest_b) + _pulled(at_c == edge.c, at_c, at_a, at_b, V_ac, V_bc))
     i_a, i_b, i_c = i.a, i.b, -(i.a + i.b)
     q_a, q_b, charge, square, t = 0.0, 0.0, 0.0, 0.0, 0.0
     while t < span:
