@@ -2,7 +2,7 @@
 its current comes to zero. Then it is known beforehand when each leg changes its voltage, and two currents say all,
 i_c = -(i_a + i_b): di/dt = K*(v - e) - M*i, second order in M from change to change.
 
-9 in 10 steps are such, and take a third of the instructions of `twins.carried`'s way for any step.
+9 in 10 steps are such; a segment takes 170 instructions where `twins.carried`'s way for any takes 430.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from .phases import Abc
 
 
 class Pair(NamedTuple):
-    """The star of unequal phases in the currents of phases a and b, to which voltages about that of leg c drive: K [1/H], and
+    """The star of unequal phases in the currents of phases a and b, driven by the voltages about that of leg c: K [1/H],
     M [1/s]."""
 
     K_aa: float
@@ -34,7 +34,7 @@ class Integrals(NamedTuple):
 
 @kernel
 def pair(star):
-    """The star in two currents: K_jk = g_j*(1 [j = k] - g_k/sum(g)); a voltage that all legs have in common drives nothing."""
+    """The star in two currents: K_jk = g_j*(1 [j = k] - g_k/sum(g)); what all legs have in common drives nothing."""
     R, g, per_g, _ = star
     K_ab, K_ac, K_bc = -g.a * g.b * per_g, -g.a * g.c * per_g, -g.b * g.c * per_g
     K_aa, K_bb = -(K_ab + K_ac), -(K_ab + K_bc)
