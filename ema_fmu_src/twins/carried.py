@@ -5,12 +5,11 @@ that the currents are those of a linear circuit from edge to edge, second order 
 once, under the mean torque.
 """
 
-from typing import NamedTuple
-
-from ..physics import current_loop, events, inverter, monitor, stability, windings
+from ..physics import current_loop, events, inverter, known_edges, monitor, stability, windings
 from ..physics.circuit import connect, damped, mean_square, stopped_at_zero
 from ..physics.frame import Dq, to_frame, to_phases
 from ..physics.jit import kernel
+from ..physics.known_edges import Integrals
 from ..physics.modulator import carrier, reference
 from ..physics.phases import Abc, three_phases
 from ..physics.trig import rotate
@@ -20,14 +19,6 @@ from .layout import now
 from .memory import port
 from .status import Status
 from .switched import MOST_STEPS, STIFF, own
-
-
-class Sums(NamedTuple):
-    """Integrals over time since a step's beginning: the currents [A.s], supply charge [C], loss over R [A2.s]."""
-
-    i: Abc
-    charge: float
-    square: float
 
 
 @kernel
@@ -48,9 +39,10 @@ def _peak(v, x, loop, sensors, motion, i, legs, V_dc):
     rising = int(x[own.peak]) & 1 == 0
     x[own.peak] += 1.0
     least, keeps_off = v[port.inverter.minimum_pulse], v[port.inverter.utilisation] < 1.0
-    a = carrier.pulse(given.v.a, V_dc, rising, T, least, keeps_off)
-    b = carrier.pulse(given.v.b, V_dc, rising, T, least, keeps_off)
-    c = carrier.pulse(given.v.c, V_dc, rising, T, least, keeps_off)
+    half, per_V = (0.5 * T, T / V_dc) if V_dc > 0.0 else (0.0, 0.0)
+    a = carrier.pulse(half + given.v.a * per_V, rising, T, least, keeps_off)
+    b = carrier.pulse(half + given.v.b * per_V, rising, T, least, keeps_off)
+    c = carrier.pulse(half + given.v.c * per_V, rising, T, least, keeps_off)
     dead_time = v[port.inverter.dead_time]
     legs = Abc(carrier.begun(legs.a, a, dead_time), carrier.begun(legs.b, b, dead_time), carrier.begun(legs.c, c, dead_time))
     return legs, Abc(a.edge, b.edge, c.edge)
@@ -83,36 +75,59 @@ def _segment(m, i, legs, circuit, e, h):
 
 
 @kernel
-def _segments(m, i, legs, edge, e, V_dc, span):
-    """From edge to edge over a time `span` with a steady back-EMF: currents, legs, times to their edges, sums, and how many
-    segments there were."""
-    t, segments, dead_time, N = 0.0, 0, m.comparator.dead_time, m.N
-    q_a, q_b, q_c, charge, square = 0.0, 0.0, 0.0, 0.0, 0.0
-    while t < span:
-        circuit = connect(legs, m.open_side, m.star, i, e, V_dc)
-        left = span - t
-        h = events.step_to_edge(legs, edge, dead_time, i, circuit, left)
-        legs = inverter.aged(legs, h)
-        i_new, i_mean = _segment(m, i, legs, circuit, e, h)
-        legs, edge = carrier.passed(legs, edge, h, dead_time)
-        q_a, q_b, q_c = q_a + h * i_mean.a, q_b + h * i_mean.b, q_c + h * i_mean.c
-        rail = circuit.rail
-        charge += 0.5 * h * (rail.a * i_mean.a + rail.b * i_mean.b + rail.c * i_mean.c)
-        square += h * (N.a * mean_square(i.a, i_new.a) + N.b * mean_square(i.b, i_new.b) + N.c * mean_square(i.c, i_new.c))
-        i = i_new
-        t = span if h >= left else t + h
-        segments += 1
-    return i, legs, edge, Sums(Abc(q_a, q_b, q_c), charge, square), segments
+def _tied(m, legs, V_dc, span):
+    """Whether each leg is tied to the rail of its side, and the resistances bend the currents little."""
+    dead = legs.a.dead_left > 0.0 or legs.b.dead_left > 0.0 or legs.c.dead_left > 0.0
+    has_open = m.open_side.a != 0.0 or m.open_side.b != 0.0 or m.open_side.c != 0.0
+    return not dead and not has_open and inverter.live(V_dc) and span * m.star.decay <= STIFF
 
 
 @kernel
-def _step(v, x, m, motion, i, legs, edge, sums, V_dc, load, h):
+def _any_segment(m, i, legs, edge, e, V_dc, left, over):
+    """To the next edge, within a time `left`, whatever the legs do: currents, legs, times to their edges, integrals, and how
+    long that took."""
+    dead_time, N = m.comparator.dead_time, m.N
+    circuit = connect(legs, m.open_side, m.star, i, e, V_dc)
+    h = events.step_to_edge(legs, edge, dead_time, i, circuit, left)
+    legs = inverter.aged(legs, h)
+    i_new, i_mean = _segment(m, i, legs, circuit, e, h)
+    legs, edge = carrier.passed(legs, edge, h, dead_time)
+    q, rail = over.i, circuit.rail
+    over = Integrals(
+        Abc(q.a + h * i_mean.a, q.b + h * i_mean.b, q.c + h * i_mean.c),
+        over.charge + 0.5 * h * (rail.a * i_mean.a + rail.b * i_mean.b + rail.c * i_mean.c),
+        over.square
+        + h * (N.a * mean_square(i.a, i_new.a) + N.b * mean_square(i.b, i_new.b) + N.c * mean_square(i.c, i_new.c)),
+    )
+    return i_new, legs, edge, over, h
+
+
+@kernel
+def _segments(m, pair, i, legs, edge, e, V_dc, span):
+    """From edge to edge over a time `span` with a steady back-EMF: currents, legs, times to their edges, integrals, and how
+    many segments there were that were not foreseen."""
+    over, t, segments, dead_time = Integrals(Abc(0.0, 0.0, 0.0), 0.0, 0.0), 0.0, 0, m.comparator.dead_time
+    while t < span:
+        if _tied(m, legs, V_dc, span):
+            h, i, over = known_edges.pass_over(pair, legs, edge, dead_time, i, e, m.N, V_dc, span - t, over)
+            legs, edge = carrier.passed(inverter.aged(legs, h), edge, h, dead_time)
+            if h >= span - t:
+                break
+            t += h
+        i, legs, edge, over, h = _any_segment(m, i, legs, edge, e, V_dc, span - t, over)
+        t = span if h >= span - t else t + h
+        segments += 1
+    return i, legs, edge, over, segments
+
+
+@kernel
+def _step(v, x, m, pair, motion, i, legs, edge, sums, V_dc, load, h):
     """A step h: the currents from edge to edge, then the rotor."""
     s, c = rotate(motion.s, motion.c, 0.5 * m.p * motion.w * h)
     sines, cosines = three_phases(s, c)
     k = windings.back_emf_coefficients(m.N, m.field, sines, cosines)
     w_ahead = actuator.w_ahead(v, x, motion, windings.torque(k, i), load, h)
-    i, legs, edge, over, segments = _segments(m, i, legs, edge, windings.back_emf(k, w_ahead), V_dc, h)
+    i, legs, edge, over, segments = _segments(m, pair, i, legs, edge, windings.back_emf(k, w_ahead), V_dc, h)
     per_h = 1.0 / h
     i_mean = Abc(over.i.a * per_h, over.i.b * per_h, over.i.c * per_h)
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, i_mean), load, h)
@@ -137,6 +152,7 @@ def run(v, x, t):
     """Run to time `t` [s]. Returns a Status."""
     T_c = v[port.controller.period]
     m, loop = switched.machine(v, x), drive.read_loop(x)
+    pair = known_edges.pair(m.star)
     longest = _parts(loop.T, x[clock.step])
     most = MOST_STEPS * max(1.0, T_c / 1e-4) + 2.0 * T_c / longest
     close = host.CLOSE * longest
@@ -168,7 +184,7 @@ def run(v, x, t):
             switched.set_aside(v, x, motion, i, legs, sums, elapsed)
             h = left
         load = host.input_at(v, x, inputs.load_torque, begun + 0.5 * h)
-        motion, i, legs, edge, sums, segments = _step(v, x, m, motion, i, legs, edge, sums, V_dc, load, h)
+        motion, i, legs, edge, sums, segments = _step(v, x, m, pair, motion, i, legs, edge, sums, V_dc, load, h)
         steps += segments
         if partial_step:
             break

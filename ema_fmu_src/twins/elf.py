@@ -82,17 +82,22 @@ def _ideally(v, x, i, i_ref, e, V_dc, h):
 
 
 @kernel
-def _frames(v, motion, s, c, s_end, c_end):
+def _seen(v, turn):
     """The electrical angle over a step as the drive sees it."""
-    s_0, c_0 = drive.turned(v, motion.s, motion.c)
-    s, c = drive.turned(v, s, c)
-    s_end, c_end = drive.turned(v, s_end, c_end)
-    return averaged.Frames(s_0, c_0, s, c, s_end, c_end)
+    s_0, c_0 = drive.turned(v, turn.s_0, turn.c_0)
+    s, c = drive.turned(v, turn.s, turn.c)
+    s_1, c_1 = drive.turned(v, turn.s_1, turn.c_1)
+    return averaged.Frames(s_0, c_0, s, c, s_1, c_1)
 
 
 @kernel
-def _orientedly(v, x, i, e, w, frames, V_dc, h):
+def _orientedly(v, x, i, e, w, turn, V_dc, h):
     """The drive with a sampled current loop over a step h: plain ELF's, or ELF+'s. Writes xi."""
+    if not inverter.live(V_dc):
+        driven = _ideally(v, x, i, _asked(v, x, 0.0, turn.s_1, turn.c_1), e, V_dc, h)
+        drive.idle(v, x, to_frame(driven.i_mean, turn.s, turn.c), w, h)
+        return driven
+    frames = _seen(v, turn)
     R, N = x[derived.R], actuator.turns(v)
     phases = windings.series(N, R, v[port.inverter.R_on], v[port.motor.L])
     loop, xi = drive.read_loop(x), Dq(x[now.xi_d], x[now.xi_q])
@@ -127,13 +132,10 @@ def _step(v, x, t, h):
     load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
     w_ahead = actuator.w_ahead(v, x, motion, windings.torque(k, i), load, h)
     e = windings.back_emf(k, w_ahead)
-    if live and drive.is_oriented(v):
-        frames = _frames(v, motion, s, c, s_end, c_end)
-        driven = _orientedly(v, x, i, e, w_ahead, frames, V_dc, h)
+    if drive.is_oriented(v):
+        driven = _orientedly(v, x, i, e, w_ahead, averaged.Frames(motion.s, motion.c, s, c, s_end, c_end), V_dc, h)
     else:
         driven = _ideally(v, x, i, _asked(v, x, x[now.I_ref] if live else 0.0, s_end, c_end), e, V_dc, h)
-        if drive.is_oriented(v):
-            drive.idle(v, x, to_frame(driven.i_mean, s, c), w_ahead, h)
 
     i, v_legs = driven.i_mean, driven.v
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, windings.torque(k, i), load, h)

@@ -23,6 +23,7 @@ DERIVED = (
     State("theta_max", "rad", "the rotor's end stop"),
     State("smoothing", "1", "of the filtered current over a whole step"),
     State("senses", "1", "1: a current sensor has a fault"),
+    State("plain", "1", "1: the cascade without derivative or feed-forward"),
     State("astray", "1", "1: a sensor or a switch has a fault: the currents are not those that are asked for"),
     State("unlike", "1", "1: the machine is not the one that the current loop was designed for"),
     *(State(f"loop_{name}", "", "the current loop") for name in current_loop.Loop._fields),

@@ -77,6 +77,12 @@ def _sample(v, x, t):
 @kernel
 def _orientedly(v, x, i, e, w, R_eq, V_dc, h):
     """The drive with a sampled current loop over a step h, its q axis alone. Writes xi."""
+    if not inverter.live(V_dc):
+        driven = single_phase.current(
+            i, single_phase.ideal_change(i, 0.0, h), e, R_eq, v[port.motor.L], V_dc, v[port.motor.p] * x[now.w], h
+        )
+        drive.idle(v, x, Dq(0.0, driven.i_mean), w, h)
+        return driven
     loop, xi = drive.read_loop(x), Dq(0.0, x[now.xi_q])
     passage = drive.passage(x, loop, h)
     w_e = v[port.motor.p] * w
@@ -107,13 +113,11 @@ def _step(v, x, t, h):
     R_eq = R_copper + v[port.inverter.R_on]
     load = host.input_at(v, x, inputs.load_torque, t + 0.5 * h)
     w_ahead = actuator.w_ahead(v, x, motion, 1.5 * K_f * i, load, h)
-    if live and drive.is_oriented(v):
+    if drive.is_oriented(v):
         driven = _orientedly(v, x, i, K_f * w_ahead, w_ahead, R_eq, V_dc, h)
     else:
         change = single_phase.ideal_change(i, x[now.I_ref] if live else 0.0, h)
         driven = single_phase.current(i, change, K_f * w_ahead, R_eq, v[port.motor.L], V_dc, p * motion.w, h)
-        if drive.is_oriented(v):
-            drive.idle(v, x, Dq(0.0, driven.i_mean), w_ahead, h)
     mean = driven.i_mean
     _, theta, w, position, T_f, stop = actuator.move(v, x, motion, 1.5 * K_f * mean, load, h)
     s, c = rotate(s, c, p * (theta - motion.theta - half))

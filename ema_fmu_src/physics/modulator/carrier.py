@@ -45,21 +45,16 @@ def modulate(u, top, space_vector):
 
 
 @kernel
-def pulse(v_j, V_dc, rising, T, least, keeps_off):
-    """The half carrier period T of a leg that is to give v_j.
+def pulse(on, rising, T, least, keeps_off):
+    """The half carrier period T of a leg whose upper switch is to be on for a time `on` of it.
 
     A pulse shorter than `least` [s] is dropped; where the utilisation keeps the legs off the rails (`keeps_off`), it is
     lengthened instead, for a leg that stays on its rail would give more than that.
     """
-    on = (0.5 + v_j / V_dc) * T if V_dc > 0.0 else 0.0
-    if on < least:
-        on = least if keeps_off else 0.0
-    elif T - on < least:
-        on = T - least if keeps_off else T
-    if on <= 0.0:
-        return Pulse(-1.0, NEVER)
-    if on >= T:
-        return Pulse(1.0, NEVER)
+    if not least < on < T - least:
+        on = (least if keeps_off else 0.0) if on < 0.5 * T else (T - least if keeps_off else T)
+        if on <= 0.0 or on >= T:
+            return Pulse(-1.0 if on <= 0.0 else 1.0, NEVER)
     return Pulse(1.0, on) if rising else Pulse(-1.0, T - on)
 
 
