@@ -51,9 +51,8 @@ class Angle(FaultParameter):
 class Group:
     """Faults of one kind on several parts; the bench draws one of them at a time.
 
-    `all_alike`: remark for a run in which all of them have grown alike, for which something else may be the cause. `most`: of
-    them that are told together.
-    """
+    `all_alike`: remark for a run in which all of them have grown alike, for which something else may be the cause.
+    `most`: of them that are told together."""
 
     name: str
     all_alike: str
@@ -74,9 +73,8 @@ class Fault(FaultParameter):
 
     `scales`: the ports that it multiplies; where all of them are 0 it has no effect; empty if it is no scale. `in_current`:
     it shows in the current, and hardly elsewhere. `rare`: of two faults that explain a run alike, the other is told first.
-    `alone`: a fault with which it is never told together, for no run separates the two. `told_by`: the run that tells it where
-    another does not.
-    """
+    `alone`: a fault with which it is never told together, for no run separates the two. `told_by`: the run that tells it
+    where another does not."""
 
     limit: float
     studied: tuple[float, float]
@@ -257,7 +255,8 @@ FAULTS: dict[str, Fault] = {
             in_current=True,
             rare=True,
             told_by=SATURATED,
-            better_than_healthy="the windings have less resistance than a healthy actuator's: cold, or motor.R is set too high?",
+            better_than_healthy="the windings have less resistance than a healthy actuator's: cold, or "
+            "motor.R is set too high?",
         ),
         *map(_sensor_offset, "abc"),
         *map(_sensor_gain, "abc"),

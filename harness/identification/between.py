@@ -41,8 +41,8 @@ def decided(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapp
 
 
 def begun(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapping[str, float], prior: Prior) -> Measured:
-    """The run as it is, or, if that comes nearer to it, begun where it is commanded to be and not where its position is: a sensor
-    may have an offset."""
+    """The run as it is, or, if that comes nearer to it, begun where it is commanded to be and not where its position is:
+    a sensor may have an offset."""
     if not measured.initial or measured.initial.get("initial.motor_speed"):
         return measured
     command = float(measured.trial.inputs["command"][0])

@@ -1,4 +1,5 @@
-"""The curves of a diagnosis: what was measured, what the healthy and the identified model would have logged, what is left."""
+"""The curves of a diagnosis: what was measured, what the healthy and the identified model would have logged, what is
+left."""
 
 from dataclasses import dataclass, field
 

@@ -90,8 +90,8 @@ def models_for(fidelity: Fidelity) -> tuple[Fidelity, Fidelity]:
 
 
 def _able(model: Fidelity, parameters: Mapping[str, float]) -> list[str]:
-    """The faults that are looked for with a model: those that do something; of the rare ones, which show in single phases, none
-    with the model of one equivalent phase."""
+    """The faults that are looked for with a model: those that do something; of the rare ones, which show in single
+    phases, none with the model of one equivalent phase."""
     return [
         name
         for name, fault in FAULTS.items()
@@ -130,11 +130,10 @@ def identify(
 ) -> Diagnosis:
     """Identify the faults of a measured run with the model `fidelity`; the folder `fmus` holds the FMUs of `models_for` it.
 
-    `parameters`: those set for this actuator, by port name; `actuator`: whose tolerances or calibration say how well they are
-    known; `limits`: values at which health is 0, by short name, for faults where it is not their own limit; `threshold`: loss
-    of health that alarms; `tolerance`: fraction of a channel's range that may be left unexplained; `on_step` is told what is
-    being done. HarnessError as from Twin.
-    """
+    `parameters`: those set for this actuator, by port name; `actuator`: whose tolerances or calibration say how well they
+    are known; `limits`: values at which health is 0, by short name, for faults where it is not their own limit;
+    `threshold`: loss of health that alarms; `tolerance`: fraction of a channel's range that may be left unexplained;
+    `on_step` is told what is being done. HarnessError as from Twin."""
     started = time.perf_counter()
     searched, judging = models_for(fidelity)
     given = dict(parameters or {})

@@ -1,4 +1,5 @@
-"""From explanations to estimates: each fault's value with its 95 % interval, whether the run identifies it, and its health."""
+"""From explanations to estimates: each fault's value with its 95 % interval, whether the run identifies it, and its
+health."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -31,13 +32,12 @@ NORMAL_95 = 1.96
 class Estimate:
     """One fault, or the angle of one: value and ends of its 95 % interval in `unit`.
 
-    `low` and `high` hold if the best explanation does, and this fault beside it; `full`: the same if every fault may be there; None where
-    nothing was looked for.
-    `probability` that the fault is there, by the weights of the explanations. `reason` says why it is not identifiable, empty
-    if it is. `health` is 1 when healthy and 0 at the limit. For a fault that is surely there but not identifiable it is that
-    of the best end of the interval. It is None for any other fault that is not identifiable, and for an angle. `alarm`: the
-    fault is part of the best explanation and has lost more health than the threshold. `effect`: False for a fault that does
-    nothing in this actuator or model, as `reason` says.
+    `low` and `high` hold if the best explanation does, and this fault beside it; `full`: the same if every fault may be
+    there; None where nothing was looked for. `probability` that the fault is there, by the weights of the explanations.
+    `reason` says why it is not identifiable, empty if it is. `health` is 1 when healthy and 0 at the limit. For a fault
+    that is surely there but not identifiable it is that of the best end of the interval. It is None for any other fault
+    that is not identifiable, and for an angle. `alarm`: the fault is part of the best explanation and has lost more
+    health than the threshold. `effect`: False for a fault that does nothing in this actuator or model, as `reason` says.
     """
 
     fault: str
@@ -86,8 +86,8 @@ def estimates_of(explained: Explained, limits: Mapping[str, float], threshold: f
 
 
 def _found(name: str, explained: Explained, full: tuple[Array, Array]) -> _Found | None:
-    """Of a fault: at the best explanation if it is part of it, else where a step of Newton's takes it alone beside that; None
-    if the model knows nothing of it."""
+    """Of a fault: at the best explanation if it is part of it, else where a step of Newton's takes it alone beside that;
+    None if the model knows nothing of it."""
     places = coordinates.PLACES[name]
     around, dead = explained.around, explained.problem.dead
     if dead[places].all() or not around.free[places].all():

@@ -34,7 +34,8 @@ def page(diagnosis: Diagnosis, command: str, actuator: Actuator = DEFAULT) -> st
         f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.fidelity)}</h1>"
         f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{flown_actuator(actuator)}{notes}'
         f"{table(_caption(diagnosis), HEADS, rows(diagnosis))}"
-        f"{_alternatives(diagnosis)}{_parameters(diagnosis)}{_nuisances(diagnosis)}<section><h2>Measured and identified</h2>{curves}</section>"
+        f"{_alternatives(diagnosis)}{_parameters(diagnosis)}{_nuisances(diagnosis)}"
+        f"<section><h2>Measured and identified</h2>{curves}</section>"
         f"{origin(command)}",
     )
 

@@ -27,8 +27,8 @@ def open_switch(
     prior: Prior,
     left: float,
 ) -> int:
-    """The number of the switch that stays open, 0 for none: that with which the healthy actuator leaves least, if that is clearly
-    less than `left`, the rest of the best explanation without. `models`: the one searched and the judge."""
+    """The number of the switch that stays open, 0 for none: that with which the healthy actuator leaves least, if that is
+    clearly less than `left`, the rest of the best explanation without. `models`: the one searched and the judge."""
     rests = {}
     for number in range(1, int(ports.VARIABLES[ports.INDEX[PORT]].maximum or 0) + 1):
         given = {**parameters, PORT: float(number)}

@@ -38,7 +38,8 @@ def parameters_of(found: Explained) -> dict[str, dict[str, Any]]:
 
 
 def nuisances_of(found: Explained) -> dict[str, dict[str, Any]]:
-    """What sensors and loggers have done, as KIND.CHANNEL with the channel as it is shown, and an unknown load, in SI units."""
+    """What sensors and loggers have done, as KIND.CHANNEL with the channel as it is shown, and an unknown load, in SI
+    units."""
     own, measured = found.problem.unknowns, found.problem.runs[0].measured
     values, scales = own.nuisances_of(found.best.fit.u, 0), own.nuisance_scales(0)
     sigmas = np.sqrt(np.diag(found.best.fit.covariance()))
@@ -152,8 +153,8 @@ def _words(kind: str, item: dict[str, Any]) -> str:
 def verdict_of(
     estimates: Sequence[Estimate], complaints: Sequence[str], fidelity: str, threshold: float, switch: int = 0
 ) -> str:
-    """The verdict in a sentence: not explained, faulty, healthy, or healthy as far as the run tells. `switch`: the number of one
-    that stays open."""
+    """The verdict in a sentence: not explained, faulty, healthy, or healthy as far as the run tells. `switch`: the number
+    of one that stays open."""
     if complaints:
         return f"not explained by {fidelity} and these faults: {'; '.join(complaints)}"
     alarms = [item for item in estimates if item.alarm]

@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 REFITTED, REACH = 3, 20.0
 """Sets of faults that are fitted anew, and how far their cost may be above the best's."""
 NEAR = 10.0
-"""How far the cost of a set of faults may be above the best's for it to be tried once more from where the best has arrived."""
+"""How far the cost of a set of faults may be above the best's for it to be tried once more from where the best has
+arrived."""
 CHEAP = 4.0 * REACH
 """What a fault may gain, by the quadratic, for it to be worth looking whether it can be left out."""
 SWAPPED = 2
@@ -62,7 +63,8 @@ class Contest:
         return penalised(item.fit.cost, item.faults, self.penalties)
 
     def enter(self, faults: Faults, u: Array) -> None:
-        """Fit these faults from `u`, with the gap where the fit ends; the better of this and what was found before is kept."""
+        """Fit these faults from `u`, with the gap where the fit ends; the better of this and what was found before is
+        kept."""
         free = self.problem.unknowns.mask(faults, self.load)
         fit = self._scanned(self.problem.solve(u, free, most=LATER))
         hopeless = bool(self.entries) and penalised(fit.cost, faults, self.penalties) > self.cost(self.best) + REACH

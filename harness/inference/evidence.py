@@ -29,8 +29,8 @@ makes the cost rough (ours)."""
 UNTOLD = 1e6
 """The same of a fault that no averaged model tells from another for certain: the other is told first, and this beside it."""
 ALIKE = 6.0
-"""Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20, whether their faults
-are rare or not."""
+"""Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20, whether their
+faults are rare or not."""
 BROAD, DEEP, MOST = 24, 12, 5
 """Explanations of one size from which larger ones are made: of two faults, of more; and the most faults of one."""
 CLOSE = 0.5
@@ -59,8 +59,8 @@ def penalised(cost: float, faults: Sequence[str], penalties: Mapping[str, float]
 
 @dataclass(frozen=True)
 class Profile:
-    """The quadratic of a `fit` in which all faults were free, as a function of the faults alone, all other unknowns where they
-    follow: |root z - target|^2 + floor, in scaled coordinates."""
+    """The quadratic of a `fit` in which all faults were free, as a function of the faults alone, all other unknowns where
+    they follow: |root z - target|^2 + floor, in scaled coordinates."""
 
     fit: Fit = field(repr=False)
     root: Array = field(repr=False)
@@ -153,8 +153,8 @@ def tellable(faults: Faults) -> bool:
 
 
 def _penalties(fit: Fit, able: Sequence[str]) -> dict[str, float]:
-    """PENALTIES, larger for a fault whose scores scatter more from block to block than the noise says: by the ratio of the two
-    (Kent, Biometrika 69 (1982) 19), the other unknowns taken as following."""
+    """PENALTIES, larger for a fault whose scores scatter more from block to block than the noise says: by the ratio of
+    the two (Kent, Biometrika 69 (1982) 19), the other unknowns taken as following."""
     if not len(fit.scores):
         return PENALTIES
     others = _others(fit)

@@ -1,9 +1,8 @@
 """The explanations of runs: the fit of everything, and the sets of faults that fit as well with fewer.
 
-The fit of everything teaches the noise and the gap to the judge. The sets of faults are ranked by its quadratic; the best are
-fitted anew with the same noise, then those with one fault less, and at last the near ones from where the best has arrived,
-for stiction makes the cost rough.
-"""
+The fit of everything teaches the noise and the gap to the judge. The sets of faults are ranked by its quadratic; the best
+are fitted anew with the same noise, then those with one fault less, and at last the near ones from where the best has
+arrived, for stiction makes the cost rough."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,8 +26,8 @@ Array = NDArray[np.float64]
 OnStep = Callable[[str], object]
 
 EXPLAINED = 0.003
-"""Rest of a channel, as a fraction of its range, that counts as explained: three times what HF's plant leaves to ELF+ with any
-of the faults in an unsaturated run (ours)."""
+"""Rest of a channel, as a fraction of its range, that counts as explained: three times what HF's plant leaves to ELF+
+with any of the faults in an unsaturated run (ours)."""
 HOPELESS = 0.02
 """The same from which no set of faults is weighed against another: what was measured is something else (ours)."""
 LOST = 0.1
@@ -47,8 +46,8 @@ NO_LOAD: Load = "none"
 
 @dataclass(frozen=True)
 class Explained:
-    """What the runs say: `explanations`, best first, with their penalised -2 log likelihood `costs`; the `probability` of each fault; the unknown `load` that the runs need;
-    and the quadratic `around` the best explanation over everything."""
+    """What the runs say: `explanations`, best first, with their penalised -2 log likelihood `costs`; the `probability` of
+    each fault; the unknown `load` that the runs need; and the quadratic `around` the best explanation over everything."""
 
     problem: Problem
     explanations: list[Explanation]
@@ -73,7 +72,8 @@ class Explained:
         ]
 
     def worse(self, item: Explanation) -> float:
-        """By how much its penalised -2 log likelihood is more than the best's, but for what faults that are rare have to gain."""
+        """By how much its penalised -2 log likelihood is more than the best's, but for what faults that are rare have to
+        gain."""
         own = self.costs[self.explanations.index(item)] - rarity(item.faults)
         return own - (self.costs[0] - rarity(self.best.faults))
 

@@ -100,7 +100,8 @@ def _information(fit: Fit, unknowns: Unknowns, places: NDArray[np.intp]) -> Arra
 
 
 def _order(kept: Sequence[int], places: Sequence[int], names: Sequence[str]) -> list[int]:
-    """Columns in the order in which combinations shall begin with them: rare faults first, then the others, then parameters."""
+    """Columns in the order in which combinations shall begin with them: rare faults first, then the others, then
+    parameters."""
 
     def rank(n: int) -> tuple[int, int]:
         name = names[places[kept[n]]]

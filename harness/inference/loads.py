@@ -1,8 +1,7 @@
 """Whether runs need an unknown load: none, a constant one, or one that varies.
 
-None and a small load differ by a jump, for a load holds the shaft at one flank of its play: no slope at none tells what a load
-would do. So loads of either sign are tried.
-"""
+None and a small load differ by a jump, for a load holds the shaft at one flank of its play: no slope at none tells what a
+load would do. So loads of either sign are tried."""
 
 from scipy.stats import chi2
 
@@ -20,9 +19,9 @@ TRIED = 0.5
 
 
 def needed(problem: Problem, contest: Contest, *, explained: bool) -> tuple[Faults, Array, Load] | None:
-    """The faults, a place and the load to go on from, if the runs are explained better by a load that is more than the `contest`
-    had: with the faults of its best explanation, or without any. `explained`: whether that leaves nothing; then a load that
-    varies is not looked for."""
+    """The faults, a place and the load to go on from, if the runs are explained better by a load that is more than the
+    `contest` had: with the faults of its best explanation, or without any. `explained`: whether that leaves nothing; then
+    a load that varies is not looked for."""
     own, best, load = problem.unknowns, contest.best, contest.load
     places = [place.start for place in own.loads if place.stop > place.start]
     if not places or load == "varying":

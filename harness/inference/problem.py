@@ -35,11 +35,11 @@ KEPT_PROMISE = 0.1
 
 @dataclass(frozen=True)
 class Fit:
-    """The most likely place `u`, shape (size,), with what was `free`; `cost`: -2 log of the posterior there, comparable while
-    the noise is the same. `hessian` and `gradient`: halves of those of the cost; `data`: the data's part of the Hessian,
-    without the prior. Rows and columns of what is not free hold nothing. `scores`, shape (n_blocks, size): the data's part of
-    the gradient, summed over blocks of BLOCK, and `chances`, shape (n_flights, size): what each flight of the judge would add to
-    it; none if they were not asked for."""
+    """The most likely place `u`, shape (size,), with what was `free`; `cost`: -2 log of the posterior there, comparable
+    while the noise is the same. `hessian` and `gradient`: halves of those of the cost; `data`: the data's part of the
+    Hessian, without the prior. Rows and columns of what is not free hold nothing. `scores`, shape (n_blocks, size): the
+    data's part of the gradient, summed over blocks of BLOCK, and `chances`, shape (n_flights, size): what each flight of
+    the judge would add to it; none if they were not asked for."""
 
     u: Array
     cost: float
@@ -59,8 +59,8 @@ class Fit:
 
     def robust(self, free: Mask) -> Array:
         """The covariance over `free`, as by the scatter of the scores from block to block where that is more than the noise
-        says (White, Econometrica 50 (1982) 1), for errors that the noise does not know have a correlation of their own; and by
-        what the flights of the judge, chaotic in rounding, would move."""
+        says (White, Econometrica 50 (1982) 1), for errors that the noise does not know have a correlation of their own;
+        and by what the flights of the judge, chaotic in rounding, would move."""
         chosen = np.flatnonzero(free)
         laplace = self.covariance(free)
         inverse = laplace[np.ix_(chosen, chosen)]

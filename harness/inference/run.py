@@ -35,11 +35,10 @@ class Run:
     """A measured run with the `model` that is searched for it and the `judge`, a better model, which is flown now and then.
 
     `weight` (n_rows, n_channels): 0 in rows that say nothing, 1 in others, less in rows that a robust loss holds back.
-    `noises`: of each channel. `gap` (n_rows, n_channels): the judge's difference from the model where it was last compared, and
-    `flights` (n_flights, n_rows, n_channels) the same of each of its flights;
-    `scatter`, same shape: variance of the chance in the judge's flights, as white noise that says as little. It lowers the
-    weight of rows in which one right model differs from another.
-    """
+    `noises`: of each channel. `gap` (n_rows, n_channels): the judge's difference from the model where it was last
+    compared, and `flights` (n_flights, n_rows, n_channels) the same of each of its flights; `scatter`, same shape:
+    variance of the chance in the judge's flights, as white noise that says as little. It lowers the weight of rows in
+    which one right model differs from another."""
 
     model: Flights
     judge: Flights | None = None
@@ -89,7 +88,8 @@ class Run:
 
     @property
     def blocks(self) -> NDArray[np.intp]:
-        """The block of BLOCK seconds in which each white residual lies, those of each channel apart, shape (n_residuals,)."""
+        """The block of BLOCK seconds in which each white residual lies, those of each channel apart, shape
+        (n_residuals,)."""
         run = self.measured
         length = max(BLOCK, BLOCK_ROWS * float(np.median(np.diff(run.time))))
         block = ((run.time - run.time[0]) / length).astype(int)
@@ -101,8 +101,8 @@ class Run:
         return Setting(parameters, self.loads @ load if load.any() else None)
 
     def white(self, rest: Array) -> Array:
-        """Rest (n_rows, n_channels, ...) in the channels' units, made white with deviation one, in the rows that carry weight,
-        channel after channel, shape (n_residuals, ...)."""
+        """Rest (n_rows, n_channels, ...) in the channels' units, made white with deviation one, in the rows that carry
+        weight, channel after channel, shape (n_residuals, ...)."""
         rows = []
         for k, own in enumerate(self.noises):
             weight = self._weights()[:, k].reshape(-1, *[1] * (rest.ndim - 2))

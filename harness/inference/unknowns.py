@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 Load = Literal["none", "constant", "varying"]
-"""What an unknown load may be. None and a small one differ by a jump, for a load holds the shaft at one flank of its play."""
+"""What an unknown load may be. None and a small one differ by a jump, for a load holds the shaft at one flank of its
+play."""
 FAULT_SIGMA = 3.0
 """Standard deviation, in spans, of a pull towards healthy: it decides only what the data leave open."""
 MOST = 8.0
