@@ -12,8 +12,12 @@ from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
 from harness.identification.diagnosis import Diagnosis, identify
 from harness.inference import coordinates
-from harness.inference.flights import Model
+from harness.inference.flights import Flights
+from harness.inference.gap import update_gap
 from harness.inference.measured import measured_from_log
+from harness.inference.prior import Prior
+from harness.inference.problem import Problem
+from harness.inference.run import Run
 from harness.logs.log import Between, Log, Logger
 from harness.logs.noise import error_of, quantum_of
 from harness.logs.observer import Observer
@@ -83,14 +87,18 @@ def test_what_hf_moves_does_not_hang_on_last_digits(log, fmus):
     """HF is chaotic in rounding: 1e-12 of a fault make another ripple, and no other difference from ELF+."""
     folder, run = fmus["HF"].parent, measured_from_log(log, slow.ACTUATOR)
     current = list(run.channels).index("equivalent_current")
-    still = np.zeros(len(run.channels))
-    places = [coordinates.from_values({"friction": friction}) for friction in (1.0, 1.0 + 1e-12)]
+    raw, smooth = [], []
     with (
-        Model(folder, FIDELITIES["ELF+"], run, slow.ACTUATOR) as model,
-        Model(folder, FIDELITIES["HF"], run, slow.ACTUATOR) as judge,
+        Flights(folder, FIDELITIES["ELF+"], run, slow.ACTUATOR) as model,
+        Flights(folder, FIDELITIES["HF"], run, slow.ACTUATOR) as judge,
     ):
-        raw = [judge.predict(place)[:, current] for place in places]
-        smooth = [model.apart(judge, place, still).mean(axis=0)[:, current] for place in places]
+        problem = Problem([Run(model, judge)], Prior())
+        for friction in (1.0, 1.0 + 1e-12):
+            u = problem.start.copy()
+            u[problem.unknowns.faults] = coordinates.from_values({"friction": friction})
+            raw.append(run.observer.rows(judge.fly(problem.setting(u, 0)), np.zeros(len(run.channels)))[:, current])
+            update_gap(problem, u, 0)
+            smooth.append(problem.runs[0].gap[:, current])
     assert np.std(smooth[1] - smooth[0]) < 0.1 * np.std(raw[1] - raw[0])
 
 
