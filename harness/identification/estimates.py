@@ -77,7 +77,7 @@ def estimates_of(explained: Explained, limits: Mapping[str, float], threshold: f
     for name, fault in FAULTS.items():
         found = _found(name, explained, full)
         if found is None:
-            estimates += _untold(fault, NOT_LOOKED_FOR if fault.rare else NOTHING_SHOWS)
+            estimates += _untold(fault, _why_untold(fault))
         elif fault.angle is not None:
             estimates += _vector(fault, fault.angle, found, limits.get(name), threshold)
         else:
@@ -119,6 +119,12 @@ def without_effect(estimates: Sequence[Estimate], parameters: Mapping[str, float
 def _still(item: Estimate, reason: str) -> Estimate:
     healthy = FAULTS[item.fault].healthy
     return Estimate(item.fault, item.unit, healthy, healthy, healthy, False, reason, None, False, False)
+
+
+def _why_untold(fault: Fault) -> str:
+    if fault.alone:
+        return f"told beside {fault.alone} only, from which no model separates it for certain"
+    return NOT_LOOKED_FOR if fault.rare else NOTHING_SHOWS
 
 
 def _untold(fault: Fault, reason: str) -> list[Estimate]:

@@ -105,7 +105,11 @@ def remarks_of(found: Explained, estimates: Sequence[Estimate], untold: Sequence
             odds = np.exp(0.5 * (other.fit.cost - found.best.fit.cost))
             remarks.append(f"explained nearly as well by {told or 'no fault at all'} (odds 1 to {odds:.2g})")
     remarks += _beside(found)
-    named = [f"{' and '.join(group.members)}: {group.experiment}" for group in untold if set(group.members) & set(FAULTS)]
+    named = [
+        f"{' and '.join(group.members)}: {group.experiment}"
+        for group in untold
+        if (len(group.members) == 1 and set(group.members) <= set(FAULTS)) or set(group.members) & set(alarmed)
+    ]
     if named:
         remarks.append(f"this run cannot tell {'; '.join(named)} would")
     if not actuator.tolerances and not actuator.calibration:

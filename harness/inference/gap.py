@@ -5,12 +5,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from harness.inference.problem import Problem
+from harness.inference.run import Run
 from harness.inference.unknowns import N_FAULTS
 
 Array = NDArray[np.float64]
 
-RIPPLE = 0.01
-"""Window [s] over which the judge's difference from the model is averaged: many periods of the inverter, few of a run."""
+RIPPLE, SLOW_RIPPLE = 2e-3, 0.01
+"""Window [s] over which the judge's difference from the model is averaged: many periods of the inverter, few of the field's
+turning; and for rows so far apart that they take the ripple by chance."""
 SCATTER = 0.05
 """Window [s] over which the scatter of the judge's flights is averaged."""
 FLIGHTS, HAIR = 4, 1e-9
@@ -36,7 +38,11 @@ def update_scatter(problem: Problem, u: Array, r: int) -> None:
     rows = float(np.median(np.diff(run.measured.time)))
     width = max(1, round(SCATTER / rows))
     variance = uniform_filter1d(apart.var(axis=0, ddof=1), width, axis=0)
-    run.scatter = variance * max(1.0, RIPPLE / rows)
+    run.scatter = variance * max(1.0, _ripple(run) / rows)
+
+
+def _ripple(run: Run) -> float:
+    return SLOW_RIPPLE if run.measured.is_slow else RIPPLE
 
 
 def _apart(problem: Problem, u: Array, r: int) -> Array | None:
@@ -53,7 +59,7 @@ def _apart(problem: Problem, u: Array, r: int) -> Array | None:
     flights = np.array(run.judge.fly_all(beside))
     if not np.isfinite(flights).all():
         return None
-    width = max(1, round(RIPPLE / run.measured.trial.step))
+    width = max(1, round(_ripple(run) / run.measured.trial.step))
     smooth = uniform_filter1d(flights - problem.curves(u, r), width, axis=1)
     shifts = np.zeros(smooth.shape[2])
     return np.array([run.measured.observer.rows(each, shifts) for each in smooth])

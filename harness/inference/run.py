@@ -24,8 +24,9 @@ KNOT, MOST_KNOTS = 0.125, 40
 """Distance [s] of the knots of an unknown load, a cubic spline: it follows 2 Hz within 1 %; and the most of them."""
 BLOCK, BLOCK_ROWS = 0.05, 3.0
 """Length [s] of the blocks whose scores are taken as independent, and its least rows."""
-NOISE_FLOOR, CURRENT_FLOOR = 5e-4, 1e-3
-"""Least noise of a channel, in its ranges: no model is better (ours); of a current, whose ripple is chance."""
+NOISE_FLOOR, CURRENT_FLOOR = 5e-4, 3e-3
+"""Least noise of a channel, in its ranges: no model is better (ours), and of a current, whose ripple is chance, none is
+better than what counts as explained."""
 FIRST_NOISE = 1e-3
 """Least noise of a channel, in its ranges, before any is learnt: no model is better."""
 
