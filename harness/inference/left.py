@@ -14,8 +14,12 @@ Array = NDArray[np.float64]
 
 SMOOTHING, SMOOTHED_ROWS = 0.01, 5
 """Window [s] of the moving average that separates what a model leaves from white noise, and its least rows."""
-LAGS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08)
+LAGS = (0.0, 0.02)
 """Times [s] by which the motion may lead what is left."""
+CORRELATED = 0.04
+"""Time [s] over which noise may hang together; what hangs together longer is held against the model (ours)."""
+PICKED, SAME = 3, 0.05
+"""Ways of following that are added up, and the part of one that the others have to leave of it."""
 MOST_NOISE = 0.03
 """Rest, in ranges of the channel, that is too much for noise whatever it follows (ours)."""
 
@@ -52,7 +56,8 @@ def left(run: Run, rest: Array, curves: Array) -> Left:
     square = np.sum(np.where(used, smoothed, 0.0) ** 2, axis=0) / rows
     rms = np.sqrt(np.maximum(square - np.maximum(variance, measured.quanta**2), 0.0))
     regressors = _regressors(curves, measured.time, _electrical_angle(run, curves))
-    following = np.array([_following(smoothed[:, k], used[:, k], regressors) for k in range(rest.shape[1])])
+    seconds = float(used.any(axis=1).mean() * (measured.time[-1] - measured.time[0]))
+    following = np.array([_following(smoothed[:, k], used[:, k], regressors, seconds) for k in range(rest.shape[1])])
     return Left(rms / run.spans, np.minimum(following, rms) / run.spans)
 
 
@@ -76,23 +81,34 @@ def _regressors(curves: Array, time: Array, angle: Array) -> Array:
             parts += [
                 np.interp(time - lag, time, each) for each in (series, np.tanh(20.0 * series), np.clip(slope, -4.0, 4.0))
             ]
-    return np.column_stack(parts)
+    found = np.column_stack(parts)
+    return found / np.maximum(np.sqrt(np.mean(found**2, axis=0)), 1e-300)
 
 
-def _following(rest: Array, used: NDArray[np.bool_], regressors: Array) -> float:
-    """Rms of the part of a smoothed rest, shape (n_rows,), that the `regressors` explain, beyond twice what chance gives.
+def _following(rest: Array, used: NDArray[np.bool_], regressors: Array, seconds: float) -> float:
+    """Rms of the part of a smoothed rest, shape (n_rows,), that up to PICKED of the `regressors` explain, the best first,
+    beyond what chance gives in `seconds`.
 
-    Chance is counted by the rest's own correlation: as many regressors as independent values explain all of it.
+    The largest of m correlations with noise of n independent values has a square of 2 ln(m)/n on average; n is counted by
+    the rest's own correlation, up to CORRELATED.
     """
-    off, basis = rest[used], regressors[used]
-    total = float(np.mean(off**2))
-    vectors, sizes, _ = np.linalg.svd(basis, full_matrices=False)
-    vectors = vectors[:, sizes > 1e-3 * sizes[0]]
-    if len(off) <= 2 * vectors.shape[1]:
-        return float(np.sqrt(total))
-    along = vectors.T @ off
-    chance = min(1.0, vectors.shape[1] / _effective(off)) * total
-    return float(np.sqrt(max(float(along @ along) / len(off) - 2.0 * chance, 0.0)))
+    off, basis = rest[used].copy(), regressors[used].copy()
+    total, count = float(np.mean(off**2)), len(off)
+    independent = min(count, max(_effective(off), seconds / CORRELATED))
+    chance = 2.0 * np.log(basis.shape[1]) / independent * total
+    explained, most = 0.0, 0.0
+    for picked in range(1, PICKED + 1):
+        sizes = np.linalg.norm(basis, axis=0)
+        basis = basis[:, sizes > SAME * np.sqrt(count)] / sizes[sizes > SAME * np.sqrt(count)]
+        if not basis.shape[1]:
+            break
+        along = basis.T @ off
+        best = int(np.argmax(np.abs(along)))
+        explained += float(along[best] ** 2) / count
+        most = max(most, explained - picked * chance)
+        off = off - along[best] * basis[:, best]
+        basis = (basis - np.outer(basis[:, best], basis[:, best] @ basis)) * np.sqrt(count)
+    return float(np.sqrt(max(most, 0.0)))
 
 
 def _effective(series: Array) -> float:

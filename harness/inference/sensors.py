@@ -106,8 +106,8 @@ class Sensors:
             return series
         if self.order == 1:
             pole = np.exp(-step / tau)
-            b, a = np.array([1.0 - pole]), np.array([1.0, -pole])
+            filtered, _ = lfilter([1.0 - pole], [1.0, -pole], series, zi=[pole * series[0]])
         else:
             b, a = butter(2, 1.0 / (2.0 * np.pi * tau), fs=1.0 / step)
-        filtered, _ = lfilter(b, a, series, zi=series[0] * lfilter_zi(b, a))
+            filtered, _ = lfilter(b, a, series, zi=series[0] * lfilter_zi(b, a))
         return np.asarray(filtered)
