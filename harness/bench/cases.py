@@ -59,8 +59,8 @@ def cases(count: int, healthy: int, seed: int) -> list[Case]:
 
 
 def flown(trial: trials.Trial, fmus: Path, rate: float, parameters: Mapping[str, float]) -> Columns:
-    """HF, from the folder `fmus`, flown with `parameters` by port name: time, command and the channels of NOISE, at `rate` rows
-    a second, as perfect sensors show them."""
+    """HF, from the folder `fmus`, flown with `parameters` by port name: time, command and the channels of NOISE, at `rate`
+    rows a second, as perfect sensors show them."""
     outputs = [port for port in ports.OUTPUTS if port.name in NOISE]
     with Twin(fmus / FIDELITIES["HF"].fmu) as plant:
         values, _ = plant.record(trial, parameters, outputs)

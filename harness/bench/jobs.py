@@ -33,7 +33,7 @@ TRIAL = "CHIRP"
 WAY = (0.1, 0.6)
 """How far a fault has gone from healthy to its limit: least and most."""
 PARTS = ("actuators", "effects", "rare", "exact")
-"""Cases of random actuators; what sensors do, the rare faults, and single faults, with the default actuator known exactly."""
+"""Cases of random actuators; then, with the default one known exactly: what sensors do, rare faults, single faults."""
 EXACT, SHEET, CALIBRATED = "exact", "data sheet", "calibrated"
 """What the diagnosis knows of the actuator."""
 WITH_EFFECT: tuple[dict[str, float], ...] = ({}, {"N_a": 0.85, "friction": 1.5})
@@ -252,8 +252,8 @@ def missing(listed: Sequence[Job], kept: Kept) -> tuple[list[Job], list[int]]:
 def run(
     listed: Sequence[Job], kept: Kept, fmus: Path, *, workers: int, on_case: Callable[[], object] = lambda: None
 ) -> None:
-    """Do the jobs that are `missing`, in `workers` processes of one thread each (0: one a core); `on_case` is called after each
-    and after each calibration. What is interrupted is done anew by the next call, the rest is kept."""
+    """Do the jobs that are `missing`, in `workers` processes of one thread each (0: one a core); `on_case` is called after
+    each, calibrations too. What is interrupted is done anew by the next call, the rest is kept."""
     todo, numbers = missing(listed, kept)
     blocked = {number: [job for job in todo if job.waits and job.actuator == number] for number in numbers}
     waiting = {job.name for own in blocked.values() for job in own}
@@ -264,7 +264,9 @@ def run(
         while ready or running:
             while ready and len(running) < 2 * (workers or os.cpu_count() or 1):
                 step = ready.popleft()
-                work = pool.submit(calibrate, step, kept, fmus) if isinstance(step, int) else pool.submit(do, step, kept, fmus)
+                work = (
+                    pool.submit(calibrate, step, kept, fmus) if isinstance(step, int) else pool.submit(do, step, kept, fmus)
+                )
                 running[work] = step
             for work in wait(running, return_when=FIRST_COMPLETED).done:
                 work.result()

@@ -18,8 +18,8 @@ CASES, CALIBRATIONS = "cases", "calibrations"
 
 @dataclass(frozen=True)
 class Kept:
-    """What was found in cases of the `seed`, measured at `rate` rows a second, in `folder`. Files are written whole or not at
-    all, by any process."""
+    """What was found in cases of the `seed`, measured at `rate` rows a second, in `folder`. Any process may write a file; it
+    is written whole or not at all."""
 
     folder: Path
     seed: int
