@@ -12,7 +12,7 @@ from harness.bench import cases, drive, evolution, overhead, peers, speed
 from harness.bench.peers import scipy_hf
 from harness.bench.speed import REFERENCE, Check
 from harness.cli import main
-from harness.faults import FAULTS, KINDS
+from harness.faults import FAULTS
 from harness.inference.coordinates import COORDINATES
 
 
@@ -92,7 +92,7 @@ def test_cases_cover_single_and_combined_faults_within_their_ranges() -> None:
     assert [len(case.truth) for case in drawn[60:]] == [0] * 20
     kinds = [{FAULTS[name].kind for name in case.truth if name in FAULTS} for case in drawn[:60]]
     assert all(len(found) == 1 for found in kinds[::2]) and all(len(found) in (2, 3) for found in kinds[1::2])
-    assert set().union(*kinds[::2]) == set(KINDS)
+    assert set().union(*kinds[::2]) == set(cases.COMMON_KINDS) == {"friction", "backlash", "N", "zeta", "gain"}
     for case in drawn:
         assert ("zeta" in case.truth) == ("phi" in case.truth)
         for name, value in case.truth.items():

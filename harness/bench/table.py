@@ -209,13 +209,13 @@ def _said(item: Found) -> str:
     if not item.explained:
         return item.verdict
     values = {out.fault: out.value for out in item.outcomes}
-    told_ = ", ".join(f"{name} = {values[name]:.4g}" if name in values else name for name in item.alarms)
-    return told_ or NOTHING
+    named = ", ".join(f"{name} = {values[name]:.4g}" if name in values else name for name in item.alarms)
+    return named or NOTHING
 
 
 def confusion(found: Iterable[Found]) -> dict[tuple[str, str], int]:
-    """(what is there, what is told) -> how often, in runs of random actuators and of effects: each true fault with itself if it
-    is told, else with what is told in its place; what is told beside, with nothing."""
+    """(what is there, what is told) -> how often, in runs of random actuators and of effects: each true fault with itself if
+    it is told, else with what is told in its place; what is told beside, with nothing."""
     counts: dict[tuple[str, str], int] = {}
     for item in found:
         if item.job.part not in ("actuators", "effects"):
