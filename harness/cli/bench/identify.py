@@ -22,7 +22,7 @@ def identify(
     cases: Annotated[int, typer.Option(metavar="N", help="Faulted cases, each with single or combined faults.")] = 60,
     healthy: Annotated[int, typer.Option(metavar="N", help="Healthy cases.")] = 20,
     evolution: Annotated[int, typer.Option(metavar="N", help="Cases also given to differential evolution.")] = 6,
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Rows a second of the measurements.")] = 10000.0,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Rows a second of the measurements.")] = 2000.0,
     seed: Annotated[int, typer.Option(metavar="N", help="Of the faults and the noise.")] = 1,
     workers: Annotated[int, typer.Option(metavar="N", help="Processes of one thread; 0: one a core.")] = 0,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write every case as JSON.")] = None,
