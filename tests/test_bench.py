@@ -12,8 +12,8 @@ from harness.bench import cases, drive, evolution, overhead, peers, speed
 from harness.bench.peers import scipy_hf
 from harness.bench.speed import REFERENCE, Check
 from harness.cli import main
-from harness.faults import FAULTS, KINDS
-from harness.inference.coordinates import COORDINATES
+from harness.faults import FAULTS
+from harness.inference.starts import COMMON
 
 
 def test_one_run_gives_table_page_and_json(
@@ -53,7 +53,7 @@ def test_identification_is_judged_case_by_case(
     fmus: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two cases with faults and a healthy one; what is printed follows from the estimates in the JSON file."""
-    words = ["bench", "identify", "--cases", "2", "--healthy", "1", "--evolution", "0", "--rate", "1000"]
+    words = ["bench", "identify", "--cases", "2", "--healthy", "1", "--evolution", "0", "--rate", "1000", "--seed", "2"]
     words += ["--fmus", str(fmus["HF"].parent), "--json", str(tmp_path / "b.json"), "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", ["ema", *words])
     with pytest.raises(SystemExit) as ended:
@@ -72,11 +72,11 @@ def test_identification_is_judged_case_by_case(
                 span = FAULTS[item["fault"]].span
                 assert item["error"] == pytest.approx(abs(item["value"] - item["truth"]) / span)
                 assert item["truth"] == truth.get(item["fault"], FAULTS[item["fault"]].healthy)
-            if item["identifiable"]:
+            if item["identifiable"] and (item["fault"] == "phi" or not FAULTS[item["fault"]].rare):
                 assert item["error"] < 0.05  # the 95th percentile that is asked over many
                 outside += [] if item["covered"] else [item]
         assert entry["explained"] and not any(item["false_alarm"] for item in entry["outcomes"])
-    assert len(outside) <= 2  # of some 40 intervals of 95 %
+    assert len(outside) <= 3  # of some 50 intervals of 95 %
     judged = {check["what"]: check["value"] for check in found["checks"]}
     of_friction = [
         item["error"] for entry in found["cases"][::2] for item in entry["outcomes"] if item["fault"] == "friction"
@@ -92,7 +92,7 @@ def test_cases_cover_single_and_combined_faults_within_their_ranges() -> None:
     assert [len(case.truth) for case in drawn[60:]] == [0] * 20
     kinds = [{FAULTS[name].kind for name in case.truth if name in FAULTS} for case in drawn[:60]]
     assert all(len(found) == 1 for found in kinds[::2]) and all(len(found) in (2, 3) for found in kinds[1::2])
-    assert set().union(*kinds[::2]) == set(KINDS)
+    assert set().union(*kinds[::2]) == set(cases.COMMON_KINDS) == {"friction", "backlash", "N", "zeta", "gain"}
     for case in drawn:
         assert ("zeta" in case.truth) == ("phi" in case.truth)
         for name, value in case.truth.items():
@@ -105,7 +105,7 @@ def test_evolution_that_is_given_up_says_so(fmus: dict[str, Path], monkeypatch: 
     monkeypatch.setattr(evolution, "POPULATION", 1)
     found = evolution.evolve(cases.cases(1, 0, 1)[0], fmus["HF"].parent, 1000.0, {})
     assert not found.reached
-    assert found.evaluations == 2 * len(COORDINATES)  # the first population, an individual a coordinate, and a generation
+    assert found.evaluations == 2 * np.count_nonzero(COMMON)  # the first population and a generation
     assert found.error > found.least_squares_error
 
 

@@ -75,12 +75,12 @@ def identify_case(case: Case, fmus: Path, rate: float, parameters: Mapping[str, 
     found = []
     for name in TESTED:
         diagnosis = identify(run, fmus=fmus, fidelity=FIDELITIES[name], parameters=parameters)
-        explained, outcomes = not diagnosis.complaints, _outcomes(case, diagnosis)
+        explained, outcomes = not diagnosis.complaints, outcomes_of(case, diagnosis)
         found.append(IdentifiedCase(case, name, explained, diagnosis.evaluations, diagnosis.seconds, outcomes))
     return found
 
 
-def _outcomes(case: Case, diagnosis: Diagnosis) -> list[Outcome]:
+def outcomes_of(case: Case, diagnosis: Diagnosis) -> list[Outcome]:
     """An outcome for each estimate, in their order."""
     truth = {name: case.truth.get(name, parameter.healthy) for name, parameter in ESTIMATED.items()}
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-OUTPUTS = ("out", "json_file", "junit", "page", "markdown", "folder")
+OUTPUTS = ("out", "json_file", "junit", "page", "markdown", "folder", "keep")
 """Parameters of the commands that name what is written; every other path is read."""
 
 

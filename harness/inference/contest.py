@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from harness.faults import FAULTS
 from harness.inference import coordinates
-from harness.inference.evidence import PENALTIES, Faults, Profile, penalised, tellable
+from harness.inference.evidence import PENALTIES, Faults, Profile, penalised, rarity, tellable
 from harness.inference.gap import update_gap
 from harness.inference.problem import ENOUGH, Fit, Problem
 from harness.inference.unknowns import N_FAULTS, Load
@@ -109,9 +109,13 @@ class Contest:
 
     @property
     def near(self) -> list[Explanation]:
-        """The best and those that come near it, best first."""
-        least = self.cost(self.best) + NEAR
-        return sorted((item for item in self.entries.values() if self.cost(item) <= least), key=self.cost)
+        """The best and those that come near it, whether their faults are rare or not; best first."""
+
+        def plain(item: Explanation) -> float:
+            return self.cost(item) - rarity(item.faults)
+
+        least = plain(self.best) + NEAR
+        return sorted((item for item in self.entries.values() if plain(item) <= least), key=self.cost)
 
     def held(self, able: Sequence[str], *, again: bool) -> tuple[Profile, list[tuple[float, Faults]]]:
         """Hold the contest: enter what the quadratic ranks first, the best with one fault exchanged, and with one less; if

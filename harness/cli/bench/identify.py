@@ -22,17 +22,39 @@ def identify(
     cases: Annotated[int, typer.Option(metavar="N", help="Faulted cases, each with single or combined faults.")] = 60,
     healthy: Annotated[int, typer.Option(metavar="N", help="Healthy cases.")] = 20,
     evolution: Annotated[int, typer.Option(metavar="N", help="Cases also given to differential evolution.")] = 6,
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Rows a second of the measurements.")] = 10000.0,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Rows a second of the measurements.")] = 2000.0,
     seed: Annotated[int, typer.Option(metavar="N", help="Of the faults and the noise.")] = 1,
     workers: Annotated[int, typer.Option(metavar="N", help="Processes of one thread; 0: one a core.")] = 0,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write every case as JSON.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench_identify.html.")] = None,
     actuator: ActuatorOption = None,
     fmus: FmuDir = None,
+    actuators: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Instead, cases on N random actuators, calibrated or not, and sensor effects and rare faults; "
+            "0: only show what --keep holds.",
+        ),
+    ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="With --actuators: keeps each finished case; what is there is not done again."),
+    ] = None,
+    exact: Annotated[
+        int, typer.Option(metavar="N", help="With --actuators: single faults of each kind with exact parameters.")
+    ] = 20,
+    parts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--part", metavar="NAME", help="With --actuators: only actuators, effects, rare or exact; several times."
+        ),
+    ] = None,
 ) -> None:
     """Put `ema identify` to the test: HF as the plant with known faults and noise, ELF+ and LF as models.
 
     With another actuator (--actuator), the limits that this project sets itself are the default one's and are left out.
+    With --actuators, the plants are random actuators whose parameters the diagnosis does not know.
     """
     import shlex
     import sys
@@ -44,12 +66,21 @@ def identify(
     from harness.show.page import document, flown_actuator, origin
     from harness.show.page import table as as_html
 
+    _check_rate(rate)
+    if actuators is not None:
+        from harness.cli.bench.actuators import Wanted
+        from harness.cli.bench.actuators import actuators as on_actuators
+
+        if actuator is not None:
+            raise HarnessError("--actuators draws from the default actuator; --actuator cannot be given too")
+        on_actuators(Wanted(actuators, exact, parts or (), keep, seed, rate, workers), json_file, out, fmus)
+        return
+    if keep is not None or parts:
+        raise HarnessError("--keep and --part need --actuators")
     if cases < 1 or healthy < 0 or not 0 <= evolution <= cases:
         raise HarnessError(
             "--cases of 1 or more, --healthy of 0 or more, --evolution of 0 to the number of cases are needed"
         )
-    if round(10000.0 / rate if rate > 0.0 else 0.0) not in range(1, 21) or abs(10000.0 / rate % 1.0) > 1e-9:
-        raise HarnessError(f"--rate {rate:g}: 10000 Hz over a whole number, 500 Hz or more, is needed")
     for path in (out / "bench_identify.html" if out else None, json_file):
         if path:
             results.prepare_file(path)
@@ -81,6 +112,12 @@ def identify(
         command = shlex.join(["ema", *sys.argv[1:]])
         results.write(out / "bench_identify.html", document("EMA twins: identification, measured", body + origin(command)))
         typer.echo(f"page: {out / 'bench_identify.html'}")
+
+
+def _check_rate(rate: float) -> None:
+    """HarnessError if the rows of a trial cannot be those of such a measurement."""
+    if round(10000.0 / rate if rate > 0.0 else 0.0) not in range(1, 21) or abs(10000.0 / rate % 1.0) > 1e-9:
+        raise HarnessError(f"--rate {rate:g}: 10000 Hz over a whole number, 500 Hz or more, is needed")
 
 
 def _refuse_extremes(actuator: "Actuator") -> None:

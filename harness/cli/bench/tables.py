@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from harness.bench.page import Table
     from harness.bench.speed import Check
 
-WORDS = ("Fidelity", "Trial", "runs", "paper, a run", "computes", "does not", "same bits", "")
+WORDS = ("Fidelity", "Trial", "runs", "paper, a run", "computes", "does not", "same bits", "there", "told", "")
 """Headings of columns that hold words."""
 
 
