@@ -80,6 +80,14 @@ def alternatives_of(found: Explained) -> list[dict[str, Any]]:
     return [{"faults": _values(other.faults, other.fit.u), "worse": found.worse(other)} for other in found.alternatives]
 
 
+def _odds(worse: float) -> str:
+    """Odds of the best explanation against another that is `worse`, in words."""
+    if abs(worse) < 1.0:
+        return "even odds"
+    odds = min(float(np.exp(0.5 * abs(worse))), 1e6)
+    return f"odds {odds:.2g} to 1 {'against' if worse > 0.0 else 'for'} it"
+
+
 def _values(faults: Sequence[str], u: Any) -> dict[str, float]:
     values = coordinates.to_values(u[:N_FAULTS])
     return {name: values[name] for name in faults}
@@ -102,8 +110,9 @@ def remarks_of(found: Explained, estimates: Sequence[Estimate], untold: Sequence
     for other in found.alternatives:
         if set(other.faults) != set(found.best.faults) and (alarmed or other.faults):
             told = ", ".join(f"{name} = {value:.4g}" for name, value in _values(other.faults, other.fit.u).items())
-            odds = np.exp(0.5 * (other.fit.cost - found.best.fit.cost))
-            remarks.append(f"explained nearly as well by {told or 'no fault at all'} (odds 1 to {odds:.2g})")
+            twins = [FAULTS[name].alone for name in other.faults if FAULTS[name].alone]
+            odds = f"no model tells it from {twins[0]} for certain" if twins else _odds(found.worse(other))
+            remarks.append(f"explained as well, or nearly, by {told or 'no fault at all'} ({odds})")
     remarks += _beside(found)
     named = [
         f"{' and '.join(group.members)}: {group.experiment}"

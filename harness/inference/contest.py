@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from harness.faults import FAULTS
 from harness.inference import coordinates
-from harness.inference.evidence import PENALTIES, Faults, Profile, penalised, rarity, tellable
+from harness.inference.evidence import PENALTIES, ROUGH, Faults, Profile, penalised, rarity, tellable
 from harness.inference.gap import update_gap
 from harness.inference.problem import ENOUGH, Fit, Problem
 from harness.inference.unknowns import N_FAULTS, Load
@@ -30,7 +30,7 @@ SWAPPED = 2
 """Other faults that each fault of the best explanation is exchanged for."""
 LATER = 8
 """Linearisations of a fit that starts where another has ended."""
-ROUGH, SCANNED = ("mechanics.T_static",), (-2.0, -1.5, -1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
+SCANNED_IN, SCANNED = ("mechanics.T_static",), (-2.0, -1.5, -1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 """Parameters in which the cost is rough, and their values that are tried, in standard deviations."""
 MOVED = 0.02
 """Move of a fault, in spans, from which the gap is taken anew."""
@@ -80,9 +80,9 @@ class Contest:
             self.entries[faults] = found
 
     def _scanned(self, fit: Fit) -> Fit:
-        """The fit, or a better one from other values of what is ROUGH: there slopes do not tell where to go."""
+        """The fit, or a better one from other values of what is SCANNED_IN: there slopes do not tell where to go."""
         own = self.problem.unknowns
-        for name in ROUGH:
+        for name in SCANNED_IN:
             if name not in own.prior.names:
                 continue
             at = own.parameters.start + own.prior.names.index(name)
@@ -114,8 +114,11 @@ class Contest:
         def plain(item: Explanation) -> float:
             return self.cost(item) - rarity(item.faults)
 
-        least = plain(self.best) + NEAR
-        return sorted((item for item in self.entries.values() if plain(item) <= least), key=self.cost)
+        def comes_near(item: Explanation) -> bool:
+            within = ROUGH if any(FAULTS[name].alone for name in item.faults) else NEAR
+            return plain(item) <= plain(self.best) + within
+
+        return sorted(filter(comes_near, self.entries.values()), key=self.cost)
 
     def held(self, able: Sequence[str], *, again: bool) -> tuple[Profile, list[tuple[float, Faults]]]:
         """Hold the contest: enter what the quadratic ranks first, the best with one fault exchanged, and with one less; if

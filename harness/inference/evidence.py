@@ -31,6 +31,8 @@ UNTOLD = 1e6
 ALIKE = 6.0
 """Difference of penalised -2 log likelihood up to which explanations are told as alternatives: odds of 20, whether their
 faults are rare or not."""
+ROUGH = 30.0
+"""The same of a fault that no averaged model tells from another: its errors of static friction are as large (ours)."""
 BROAD, DEEP, MOST = 24, 12, 5
 """Explanations of one size from which larger ones are made: of two faults, of more; and the most faults of one."""
 NEGLIGIBLE = 25.0

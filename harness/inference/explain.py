@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from harness.faults import FAULTS
 from harness.inference import loads
 from harness.inference.contest import LATER, Contest, Explanation
-from harness.inference.evidence import ALIKE, Profile, probabilities, rarity
+from harness.inference.evidence import ALIKE, ROUGH, Profile, probabilities, rarity
 from harness.inference.gap import update_scatter
 from harness.inference.left import Left, left
 from harness.inference.problem import Fit, Problem
@@ -64,12 +64,13 @@ class Explained:
     @property
     def alternatives(self) -> list[Explanation]:
         """Explanations that cannot be told from the best, and do not only add to it."""
-        most = self.best.fit.cost + 2.0 * ALIKE
-        return [
-            item
-            for item in self.explanations[1:]
-            if self.worse(item) < ALIKE and item.fit.cost < most and not set(self.best.faults) < set(item.faults)
-        ]
+
+        def alike(item: Explanation) -> bool:
+            within = ROUGH if any(FAULTS[name].alone for name in item.faults) else ALIKE
+            near = self.worse(item) < within and item.fit.cost < self.best.fit.cost + 2.0 * within
+            return near and not set(self.best.faults) < set(item.faults)
+
+        return [item for item in self.explanations[1:] if alike(item)]
 
     def worse(self, item: Explanation) -> float:
         """By how much its penalised -2 log likelihood is more than the best's, but for what faults that are rare have to
