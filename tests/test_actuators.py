@@ -725,7 +725,7 @@ def test_every_line_of_a_new_file_may_be_used(tmp_path: Path) -> None:
     assert all(value == ports.VARIABLES[ports.INDEX[name]].start for name, value in found.parameters.items())
     settled = [line[2:] if re.match("# [A-Za-z_]+ = ", line) else line for line in lines]
     found = read_actuator(str(written(tmp_path, "\n".join(settled))))
-    assert found.output.lead == 0.005 and len(found.limits) == 7 and found.log["position"] == "4 [mm]"
+    assert found.output.lead == 0.005 and len(found.limits) == len(FAULTS) and found.log["position"] == "4 [mm]"
 
 
 def test_show_prints_values_origins_and_flights(
