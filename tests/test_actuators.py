@@ -26,6 +26,7 @@ from harness.budgets import Verdict
 from harness.cli import main
 from harness.comparison import compare
 from harness.errors import HarnessError
+from harness.faults import FAULTS
 from harness.flight.tryout import refusals
 from harness.flight.twin import Twin
 from harness.parameters import merged
