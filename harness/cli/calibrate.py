@@ -120,6 +120,10 @@ def _freed(actuator: "Actuator", texts: list[str] | None) -> "tuple[Actuator, di
         name, equals, width = (part.strip() for part in text.partition("="))
         if not equals or not width:
             raise HarnessError(f"--free {text}: NAME=TOL is needed, such as mechanics.J='5 %'")
+        if name.startswith(("fault.", "initial.")):
+            raise HarnessError(
+                f"--free {text}: a parameter of the actuator is needed; runs known to be healthy have no faults"
+            )
         if name in covariance_of(actuator.calibration).names:
             raise HarnessError(
                 f"--free {text}: actuator {actuator.name} has it calibrated; its covariance is where this one starts"
