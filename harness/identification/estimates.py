@@ -22,8 +22,7 @@ IDENTIFIABLE_ANGLE = 0.5
 """The same for an angle [rad]; times the amplitude, IDENTIFIABLE holds too."""
 CHI_SQUARED_95 = float(chi2.ppf(0.95, 2))
 """95 % quantile of chi-squared with two degrees of freedom: an amplitude with an angle is a vector of two coordinates."""
-NOTHING_SHOWS = "nothing in this run shows it"
-NOT_LOOKED_FOR = "nothing in this run shows it, or this model does not have it"
+NOTHING_SHOWS = "nothing shows it"
 NORMAL_95 = 1.96
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
 
@@ -123,8 +122,8 @@ def _still(item: Estimate, reason: str) -> Estimate:
 
 def _why_untold(fault: Fault) -> str:
     if fault.alone:
-        return f"told beside {fault.alone} only, from which no model separates it for certain"
-    return NOT_LOOKED_FOR if fault.rare else NOTHING_SHOWS
+        return f"told beside {fault.alone} only"
+    return NOTHING_SHOWS
 
 
 def _untold(fault: Fault, reason: str) -> list[Estimate]:
