@@ -22,25 +22,38 @@ def needed(problem: Problem, contest: Contest, *, explained: bool) -> tuple[Faul
     """The faults, a place and the load to go on from, if the runs are explained better by a load that is more than the
     `contest` had: with the faults of its best explanation, or without any. `explained`: whether that leaves nothing; then
     a load that varies is not looked for."""
-    own, best, load = problem.unknowns, contest.best, contest.load
-    places = [place.start for place in own.loads if place.stop > place.start]
-    if not places or load == "varying":
+    places = [place.start for place in problem.unknowns.loads if place.stop > place.start]
+    if not places or contest.load == "varying":
         return None
-    least, found = contest.cost(best), None
+    noises = [run.noises for run in problem.runs]
+    if not explained:  # what the noise has learnt of a load would hide it
+        for run in problem.runs:
+            run.noises = list(run.white_noises)
+    try:
+        return _better(problem, contest, places, varying=not explained)
+    finally:
+        for run, own_noises in zip(problem.runs, noises, strict=True):
+            run.noises = own_noises
+
+
+def _better(problem: Problem, contest: Contest, places: list[int], *, varying: bool) -> tuple[Faults, Array, Load] | None:
+    own, best, load = problem.unknowns, contest.best, contest.load
+    fit = problem.solve(best.fit.u, own.mask(best.faults, load), most=FEW) if varying else best.fit
+    least, found = penalised(fit.cost, best.faults, contest.penalties), None
     for faults in dict.fromkeys((best.faults, ())):
         u = best.fit.u.copy()
         if not faults:
             u[own.faults] = 0.0
-        fits = [_from(problem, u, faults, places, sign) for sign in (1.0, -1.0)] if load == "none" else [best.fit]
-        constant = min(fits, key=lambda fit: fit.cost)
+        fits = [_from(problem, u, faults, places, sign) for sign in (1.0, -1.0)] if load == "none" else [fit]
+        constant = min(fits, key=lambda each: each.cost)
         tries: list[tuple[Fit, Load, int]] = [(constant, "constant", 1)]
-        if not explained:
-            varying = problem.solve(constant.u, own.mask(faults, "varying"), most=FEW)
-            tries.append((varying, "varying", int((varying.free & ~constant.free).sum()) + 1))
-        for fit, kind, degrees in tries:
-            cost = penalised(fit.cost, faults, contest.penalties) + float(chi2.isf(LEVEL, degrees))
+        if varying:
+            other = problem.solve(constant.u, own.mask(faults, "varying"), most=FEW)
+            tries.append((other, "varying", int((other.free & ~constant.free).sum()) + 1))
+        for each, kind, degrees in tries:
+            cost = penalised(each.cost, faults, contest.penalties) + float(chi2.isf(LEVEL, degrees))
             if kind != load and cost < least:
-                least, found = cost, (faults, fit.u, kind)
+                least, found = cost, (faults, each.u, kind)
     return found
 
 

@@ -59,7 +59,8 @@ class Run:
         self.weight = self.kept.astype(float)
         white = np.array([noise_of(self.data[:, k]) for k in range(self.sensors.count)])
         least = np.maximum(np.maximum(white, run.quanta), FIRST_NOISE * self.spans)
-        self.noises = [Noise(float(sigma)) for sigma in least]
+        self.white_noises = [Noise(float(sigma)) for sigma in least]
+        self.noises = list(self.white_noises)
         self.loads = self._loads()
 
     @property
