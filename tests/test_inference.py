@@ -40,6 +40,13 @@ def flown(fmu: Path, fidelity: str, parameters: dict[str, float]) -> dict[str, n
     return {name: run[name].values[::20] for name in ("time", "command", *CHANNELS)}
 
 
+def drawn(noise: Noise, rng: np.random.Generator, rows: int) -> np.ndarray:
+    """A draw of the noise, once it has settled."""
+    settle = 20 * (len(noise.coefficients) + 1)
+    white = noise.sigma * rng.standard_normal(rows + settle)
+    return np.asarray(lfilter([1.0], np.r_[1.0, -noise.coefficients], white))[settle:]
+
+
 def noisy(table: dict[str, np.ndarray], rng: np.random.Generator) -> Measured:
     series = {name: table[name] + SIGMA[name] * np.ptp(table[name]) * rng.standard_normal(501) for name in CHANNELS}
     return measured("sine", table["time"], {"command": table["command"]}, series, {})
@@ -79,7 +86,7 @@ def test_the_covariance_is_that_of_many_noises(problem: Problem, around: Fit, he
     base = problem.seen(start, 0)
     try:
         for _ in range(200):
-            run.data = base + np.column_stack([n.drawn(rng, 501) for n in run.noises])
+            run.data = base + np.column_stack([drawn(n, rng, 501) for n in run.noises])
             ends.append(problem.solve(start, free, most=3).u[places])
     finally:
         run.data = truth
@@ -96,8 +103,8 @@ def test_a_healthy_run_is_rarely_told_to_have_a_fault(problem: Problem, around: 
     for _ in range(200):
         gradient = np.zeros(own.size)
         gradient[where] = columns.T @ rng.standard_normal(len(rest))
-        drawn = Fit(around.u, 0.0, around.hessian, gradient, around.data, around.free)
-        false += bool(Profile.of(drawn, own.low, own.high).ranked()[0][1])
+        at_noise = Fit(around.u, 0.0, around.hessian, gradient, around.data, around.free)
+        false += bool(Profile.of(at_noise, own.low, own.high).ranked()[0][1])
     assert false <= 7
     assert run.weight.all()
 
@@ -107,8 +114,8 @@ def test_faults_that_are_there_are_found_by_the_quadratic(problem: Problem, arou
     own, moved = problem.unknowns, np.zeros(problem.unknowns.size)
     moved[coordinates.PLACES["friction"][0]], moved[coordinates.PLACES["N_b"][0]] = 0.2, -0.4
     cost = float(moved @ around.data @ moved)
-    drawn = Fit(around.u, cost, around.hessian, -around.data @ moved, around.data, around.free)
-    profile = Profile.of(drawn, own.low, own.high)
+    at_faults = Fit(around.u, cost, around.hessian, -around.data @ moved, around.data, around.free)
+    profile = Profile.of(at_faults, own.low, own.high)
     assert set(profile.ranked()[0][1]) == {"friction", "N_b"}
     assert profile.place(("friction", "N_b"))[:N_FAULTS] == pytest.approx(moved[:N_FAULTS], abs=0.01)
 
@@ -123,7 +130,7 @@ def test_noise_is_learnt_and_made_white() -> None:
     white = Noise(found.sigma, found.coefficients).white(series)
     near = np.corrcoef(white[1:], white[:-1])[0, 1]
     assert 0.5 < np.std(white) < 1.05 and abs(near) < 0.3 < np.corrcoef(series[1:], series[:-1])[0, 1]
-    again = found.drawn(rng, 20000)
+    again = drawn(found, rng, 20000)
     assert np.std(again) == pytest.approx(np.std(series), rel=0.15)
 
 
@@ -191,7 +198,7 @@ def test_what_a_run_cannot_tell_apart_is_named_with_the_run_that_would(problem: 
 def test_coloured_noise_does_not_count_against_the_model_and_an_error_of_it_does(problem: Problem) -> None:
     run, rng = problem.runs[0], np.random.default_rng(5)
     curves = problem.seen(problem.start, 0)
-    white = [own.drawn(rng, 501) for own in run.noises]
+    white = [drawn(own, rng, 501) for own in run.noises]
     pole = np.exp(-0.1)
     coloured = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(501))
     of_noise = left(run, np.column_stack([*white[:2], white[2] + 0.01 * run.spans[2] * coloured]), curves)

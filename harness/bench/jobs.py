@@ -24,7 +24,6 @@ from harness.errors import HarnessError
 from harness.faults import FAULTS, Fault
 from harness.fidelity import FIDELITIES
 from harness.identification.diagnosis import Diagnosis, identify
-from harness.identification.switch import PORT as OPEN_SWITCH
 from harness.inference import coordinates
 from harness.inference.unknowns import N_FAULTS
 from harness.parallel import processes
@@ -201,7 +200,7 @@ def _identified(job: Job, own: Mapping[str, float], actuator: Actuator, fmus: Pa
     run = as_measured(case.trial, effect.logged(table, np.random.default_rng(seed_of(case.seed, 1))), actuator.parameters)
     said = identify(run, fmus=fmus, fidelity=FIDELITIES["ELF+"], parameters=actuator.parameters, actuator=actuator)
     alarms = [item.fault for item in said.estimates if item.alarm]
-    if said.explained.problem.runs[0].model.parameters.get(OPEN_SWITCH):
+    if said.open_switch:
         alarms.append("open_switch")
     return Found(
         job=job,

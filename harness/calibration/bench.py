@@ -16,8 +16,7 @@ from harness.flight.twin import Twin
 from harness.inference.flights import Flights
 from harness.inference.measured import Measured
 from harness.inference.prior import Prior, prior_of
-from harness.inference.run import LOAD_SHARE, Run
-from harness.logs.shown import value_of
+from harness.inference.run import Run, usual_load
 from harness.parameters import merged
 
 SCALE = "motor.K_e"
@@ -97,8 +96,5 @@ def scale_is_open(prior: Prior, runs: Sequence[Run], saturated: bool) -> bool:
 
 def _loaded(run: Run) -> bool:
     """Whether a load was logged that is more than nothing."""
-    given, load = run.model.parameters, run.measured.trial.inputs.get("load_torque")
-    if load is None:
-        return False
-    torque = 1.5 * value_of("motor.K_e", given) * value_of("controller.current_limit", given)
-    return bool(np.ptp(load) + abs(load).max() > 4.0 * LOAD_SHARE * torque * value_of("gear.ratio", given))
+    load = run.measured.trial.inputs.get("load_torque")
+    return load is not None and bool(np.ptp(load) + abs(load).max() > 4.0 * usual_load(run.model.parameters))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from harness.calibration.search import unknown
+from harness.inference.between import nearest
 from harness.inference.measured import Measured
 from harness.inference.prior import Prior
 from harness.inference.problem import Problem
@@ -23,7 +24,4 @@ def decided(measured: Measured, run_of: Callable[[Measured], Run], prior: Prior)
     for between, trial in measured.trials.items():
         problem = Problem([run_of(replace(measured, trials={between: trial}))], prior)
         costs[between] = problem.solve(problem.aligned(problem.start), unknown(problem), most=MOST).cost
-    best, *others = sorted(costs, key=lambda between: costs[between])
-    ratios = ", ".join(f"{other.value} is {(costs[other] / costs[best]) ** 0.5:.3g} times as far off" for other in others)
-    remark = f"nothing says what the command does between rows: {best.value} fits best ({ratios})"
-    return replace(measured, trials={best: measured.trials[best]}, remarks=(*measured.remarks, remark))
+    return nearest(measured, costs)

@@ -19,7 +19,7 @@ from harness.inference.explain import what_is_left
 from harness.inference.measured import Measured
 from harness.inference.prior import Prior
 from harness.inference.problem import Problem
-from harness.inference.sensors import GAP, NUISANCES
+from harness.inference.sensors import GAP, NUISANCES, unit_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -179,10 +179,8 @@ def _nuisances(problem: Problem, u: Array) -> tuple[Nuisance, ...]:
             unit = ports.VARIABLES[ports.INDEX[channel]].unit
             for kind, name in enumerate(NUISANCES):
                 if kind != GAP or run.gap is not None:
-                    in_unit = {"offset": unit, "shift": "s", "lag": "s"}.get(name, "1")
-                    out.append(
-                        Nuisance(run.measured.name, channel, name, float(values[k, kind]), float(sigmas[k, kind]), in_unit)
-                    )
+                    value, sigma = float(values[k, kind]), float(sigmas[k, kind])
+                    out.append(Nuisance(run.measured.name, channel, name, value, sigma, unit_of(name, unit)))
     return tuple(out)
 
 

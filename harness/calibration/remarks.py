@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.calibration.result import Parameter
+from harness.faults import LOADED
 
 Array = NDArray[np.float64]
 
@@ -16,7 +17,6 @@ FAR = 3.0
 AT_BOUND = 1e-3
 """Distance from a bound, in standard deviations of the tolerance, that counts as being there."""
 
-LOADED = "a run with a known load (load_torque)"
 FAST = "a command so fast that the voltage saturates"
 WOULD_TELL = {
     "motor.K_e": f"{LOADED}, or {FAST}",

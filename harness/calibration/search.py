@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.inference.explain import learn
-from harness.inference.problem import Fit, Problem
+from harness.inference.noise import about_median
+from harness.inference.problem import LATER, Fit, Problem
 from harness.inference.run import Run
 from harness.inference.sensors import GAIN, LAG, NUISANCES, SHIFT
 
@@ -27,8 +28,6 @@ LOSS = 3.0
 """Robust standard deviations from which the loss is rather linear than quadratic."""
 ALIGNED = 3
 """Ends of searches of slow logs that are aligned once more, and searched on."""
-LATER = 8
-"""Linearisations of a fit that starts where another has ended."""
 
 
 def search(problem: Problem, on_step: Callable[[str], object] = lambda text: None) -> tuple[Fit, list[float]]:
@@ -91,9 +90,8 @@ def soften(problem: Problem, u: Array) -> None:
 
 
 def _weights(run: Run, rest: Array, k: int) -> Array:
-    used = run.weight[:, k] > 0.0
-    off = rest - np.median(rest[used])
-    usual = max(1.4826 * float(np.median(np.abs(off[used]))), float(run.measured.quanta[k]), 1e-5 * float(run.spans[k]))
+    off, own = about_median(rest, run.weight[:, k] > 0.0)
+    usual = max(own, float(run.measured.quanta[k]), 1e-5 * float(run.spans[k]))
     return np.asarray((1.0 + (off / (LOSS * usual)) ** 2) ** -0.25)
 
 

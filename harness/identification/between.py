@@ -6,6 +6,7 @@ from pathlib import Path
 
 from harness.faults import FAULTS
 from harness.fidelity import Fidelity
+from harness.inference.between import nearest
 from harness.inference.flights import Flights
 from harness.inference.measured import Measured
 from harness.inference.prior import Prior
@@ -24,20 +25,17 @@ def decided(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapp
     if len(measured.trials) == 1:
         return measured
     costs: dict[Between, float] = {}
-    nearest = None
+    least = None
     for again in (False, True):  # from where the nearest has ended, once more: a search may have stalled for another reason
         for between, trial in measured.trials.items():
             with Flights(fmus, fidelity, replace(measured, trials={between: trial}), parameters) as model:
                 problem = Problem([Run(model)], prior)
-                start = problem.start if nearest is None or not again else nearest
+                start = problem.start if least is None or not again else least
                 found = problem.solve(problem.aligned(start), problem.unknowns.mask(tuple(FAULTS)), most=MOST_STEPS)
             if found.cost < min(costs.values(), default=float("inf")):
-                nearest = found.u
+                least = found.u
             costs[between] = min(found.cost, costs.get(between, float("inf")))
-    best, *others = sorted(costs, key=lambda between: costs[between])
-    ratios = ", ".join(f"{other.value} is {(costs[other] / costs[best]) ** 0.5:.3g} times as far off" for other in others)
-    remark = f"nothing says what the command does between rows: {best.value} fits best ({ratios})"
-    return replace(measured, trials={best: measured.trials[best]}, remarks=(*measured.remarks, remark))
+    return nearest(measured, costs)
 
 
 def begun(measured: Measured, fmus: Path, fidelity: Fidelity, parameters: Mapping[str, float], prior: Prior) -> Measured:

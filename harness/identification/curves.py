@@ -16,13 +16,11 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Curves:
     """Of one run: `predicted` and `healthy`, with the faults found and without any, shape (n_rows, n_channels), in the
-    channels' units; what is `left` of each channel, and its `noise`, shape (n_channels,), in its unit, the deviation of all
-    that the model does not say."""
+    channels' units; and what is `left` of each channel."""
 
     predicted: Array = field(repr=False)
     healthy: Array = field(repr=False)
     left: Left
-    noise: Array
 
 
 def curves_of(explained: Explained, r: int = 0) -> Curves:
@@ -32,7 +30,4 @@ def curves_of(explained: Explained, r: int = 0) -> Curves:
     predicted = problem.seen(u, r)
     healthy = u.copy()
     healthy[:N_FAULTS] = 0.0
-    rest = predicted - run.data
-    rows = np.maximum((run.weight > 0.0).sum(axis=0), 1)
-    noise = np.sqrt(np.sum(np.where(run.weight > 0.0, rest, 0.0) ** 2, axis=0) / rows)
-    return Curves(predicted, problem.seen(healthy, r), left(run, rest, predicted), noise)
+    return Curves(predicted, problem.seen(healthy, r), left(run, predicted - run.data, predicted))

@@ -38,9 +38,8 @@ class Diagnosis:
     `name`: the run's; `fidelity`: the model's. `complaints`: a line for each channel that the model cannot explain; then
     `health` is None, and else the least of the faults'. `parameters`, `nuisances`: what was estimated beside the faults: a
     value and its sigma by name, in SI units; `groups`: what the run cannot tell apart; `alternatives`: other faults that
-    explain it as well. `measured`: the run as it was fitted, with what its command does between rows decided.
-    `evaluations`: runs of FMUs; `seconds` of wall time.
-    """
+    explain it as well; `open_switch`: the number of the one that stays open, 0 for none. `measured`: the run as it was
+    fitted, with what its command does between rows decided. `evaluations`: runs of FMUs; `seconds` of wall time."""
 
     name: str
     fidelity: str
@@ -55,6 +54,7 @@ class Diagnosis:
     nuisances: dict[str, dict[str, Any]]
     groups: list[Group]
     alternatives: list[dict[str, Any]]
+    open_switch: int
     measured: Measured = field(repr=False)
     curves: Curves = field(repr=False)
     explained: Explained = field(repr=False)
@@ -146,7 +146,7 @@ def identify(
         switch, rest = 0, float(curves.left.unexplained.max())
         if rest > HOPELESS and not given.get(PORT):
             on_step("looking for an open switch")
-            switch = open_switch(measured, fmus, (searched, judging), given, prior, rest)
+            switch = open_switch(measured, fmus, searched, given, prior, rest)
         if switch:
             given[PORT] = float(switch)
             found, curves, more = _explained(measured, fmus, (searched, judging), given, prior, [], on_step)
@@ -176,6 +176,7 @@ def identify(
         nuisances=nuisances_of(found),
         groups=untold,
         alternatives=[] if complaints else alternatives_of(found),
+        open_switch=switch,
         measured=measured,
         curves=curves,
         explained=found,

@@ -24,18 +24,17 @@ MOST = 0.1
 def open_switch(
     measured: Measured,
     fmus: Path,
-    models: tuple[Fidelity, Fidelity],
+    fidelity: Fidelity,
     parameters: Mapping[str, float],
     prior: Prior,
     left: float,
 ) -> int:
     """The number of the switch that stays open, 0 for none: that with which the healthy actuator leaves least, if that is
-    clearly less than any other leaves, and than `left`, the rest of the best explanation without. `models`: the one
-    searched and the judge."""
+    clearly less than any other leaves, and than `left`, the rest of the best explanation without."""
     rests = {}
     for number in range(1, int(ports.VARIABLES[ports.INDEX[PORT]].maximum or 0) + 1):
         given = {**parameters, PORT: float(number)}
-        with Flights(fmus, models[0], measured, given) as model:
+        with Flights(fmus, fidelity, measured, given) as model:
             problem = Problem([Run(model)], prior)
             rests[number] = worst(problem, problem.solve(problem.start, problem.unknowns.mask(), most=FEW).u)
     best, second = sorted(rests, key=lambda number: rests[number])[:2]

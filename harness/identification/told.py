@@ -12,11 +12,8 @@ from harness.identification.estimates import Estimate
 from harness.inference import coordinates
 from harness.inference.explain import Explained
 from harness.inference.groups import Group
-from harness.inference.sensors import GAP, NUISANCES, SHIFT
+from harness.inference.sensors import GAP, NUISANCES, SHIFT, unit_of
 from harness.inference.unknowns import N_FAULTS
-
-UNITS = {"shift": "s", "lag": "s", "gain": "1"}
-"""Of the nuisances; an offset has its channel's."""
 
 
 def parameters_of(found: Explained) -> dict[str, dict[str, Any]]:
@@ -53,7 +50,7 @@ def nuisances_of(found: Explained) -> dict[str, dict[str, Any]]:
                 listed[f"{label}.{channel.name}"] = {
                     "value": scale * float(values[k, kind]),
                     "sigma": abs(scale) * float(spread[k, kind]),
-                    "unit": UNITS.get(label, channel.unit),
+                    "unit": unit_of(label, channel.unit),
                 }
     if found.load != "none":
         run, place = found.problem.runs[0], own.loads[0]
@@ -170,16 +167,16 @@ def verdict_of(
     of one that stays open."""
     if complaints:
         return f"not explained by {fidelity} and these faults: {'; '.join(complaints)}"
+    if switch:
+        return f"faulty: open_switch = {switch}; what else there may be cannot be told beside it"
     alarms = [item for item in estimates if item.alarm]
     unknown = [e.fault for e in estimates if e.fault in FAULTS and e.effect and not e.identifiable and not e.alarm]
     rest = f"; not identifiable from this run: {', '.join(unknown)}" if unknown else ""
-    if not alarms and not switch:
+    if not alarms:
         healthy = "as far as this run tells, healthy" if unknown else "healthy"
         return f"{healthy}: no identifiable fault has lost more than {100.0 * threshold:g} % of its health{rest}"
     listed = [
         f"{item.fault} = {item.value:.4g} (health {'' if item.identifiable else 'at most '}{item.health:.2f})"
         for item in sorted(alarms, key=lambda alarm: alarm.health or 0)
     ]
-    if switch:
-        return f"faulty: open_switch = {switch}; what else there may be cannot be told beside it"
     return f"faulty: {', '.join(listed)}{rest}"

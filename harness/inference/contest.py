@@ -14,7 +14,7 @@ from harness.faults import FAULTS
 from harness.inference import coordinates
 from harness.inference.evidence import PENALTIES, ROUGH, Faults, Profile, penalised, rarity, tellable
 from harness.inference.gap import update_gap
-from harness.inference.problem import ENOUGH, Fit, Problem
+from harness.inference.problem import ENOUGH, LATER, Fit, Problem
 from harness.inference.unknowns import N_FAULTS, Load
 
 Array = NDArray[np.float64]
@@ -28,8 +28,6 @@ CHEAP = 4.0 * REACH
 """What a fault may gain, by the quadratic, for it to be worth looking whether it can be left out."""
 SWAPPED = 2
 """Other faults that each fault of the best explanation is exchanged for."""
-LATER = 8
-"""Linearisations of a fit that starts where another has ended."""
 SCANNED_IN, SCANNED = ("mechanics.T_static",), (-2.0, -1.5, -1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 """Parameters in which the cost is rough, and their values that are tried, in standard deviations."""
 MOVED = 0.02

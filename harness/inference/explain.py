@@ -4,7 +4,7 @@ The fit of everything teaches the noise and the gap to the judge. The sets of fa
 are fitted anew with the same noise, then those with one fault less, and at last the near ones from where the best has
 arrived, for stiction makes the cost rough."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +13,11 @@ from scipy.stats import chi2
 
 from harness.faults import FAULTS
 from harness.inference import loads
-from harness.inference.contest import LATER, Contest, Explanation
-from harness.inference.evidence import ALIKE, ROUGH, Profile, probabilities, rarity
+from harness.inference.contest import Contest, Explanation
+from harness.inference.evidence import ALIKE, ROUGH, Faults, Profile, probabilities, rarity
 from harness.inference.gap import update_scatter
 from harness.inference.left import Left, left
-from harness.inference.problem import Fit, Problem
+from harness.inference.problem import LATER, Fit, Problem
 from harness.inference.sensors import LAG
 from harness.inference.starts import starts
 from harness.inference.unknowns import Load
@@ -46,12 +46,13 @@ NO_LOAD: Load = "none"
 
 @dataclass(frozen=True)
 class Explained:
-    """What the runs say: `explanations`, best first, with their penalised -2 log likelihood `costs`; the `probability` of
-    each fault; the unknown `load` that the runs need; and the quadratic `around` the best explanation over everything."""
+    """What the runs say: `explanations`, best first, and the `costs` of sets of faults, penalised -2 log likelihood; the
+    `probability` of each fault; the unknown `load` that the runs need; and the quadratic `around` the best explanation
+    over everything."""
 
     problem: Problem
     explanations: list[Explanation]
-    costs: list[float]
+    costs: Mapping[Faults, float]
     probability: dict[str, float]
     load: Load
     around: Fit
@@ -75,8 +76,8 @@ class Explained:
     def worse(self, item: Explanation) -> float:
         """By how much its penalised -2 log likelihood is more than the best's, but for what faults that are rare have to
         gain."""
-        own = self.costs[self.explanations.index(item)] - rarity(item.faults)
-        return own - (self.costs[0] - rarity(self.best.faults))
+        own, best = (self.costs[each.faults] - rarity(each.faults) for each in (item, self.best))
+        return own - best
 
 
 def what_is_left(problem: Problem, u: Array) -> list[Left]:
@@ -173,9 +174,6 @@ def explain(problem: Problem, able: Sequence[str], on_step: OnStep = lambda text
     if chosen != before[0]:
         profile = contest.profile(faults)
     explanations = sorted(contest.entries.values(), key=contest.cost)
-    costs = [contest.cost(item) for item in explanations]
-    weighed = {rank[1]: rank[0] for rank in ranked} | {
-        item.faults: cost for item, cost in zip(explanations, costs, strict=True)
-    }
-    probability = probabilities(sorted((cost, which) for which, cost in weighed.items()))
+    costs = {which: cost for cost, which in ranked} | {item.faults: contest.cost(item) for item in explanations}
+    probability = probabilities(sorted((cost, which) for which, cost in costs.items()))
     return Explained(problem, explanations, costs, probability, contest.load, profile.fit)

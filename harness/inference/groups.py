@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.faults import FAULTS
+from harness.faults import FAULTS, LOADED
 from harness.inference import coordinates
 from harness.inference.problem import Fit
 from harness.inference.unknowns import N_FAULTS, Unknowns
@@ -74,7 +74,7 @@ def groups(fit: Fit, unknowns: Unknowns, able: Sequence[str]) -> list[Group]:
 def experiment(members: Sequence[str]) -> str:
     """The run that tells these apart: those of the faults among them, or a known load for parameters alone."""
     wanted = [FAULTS[name].told_by for name in members if name in FAULTS]
-    return " or ".join(dict.fromkeys(wanted)) if wanted else "a run with a known load (load_torque)"
+    return " or ".join(dict.fromkeys(wanted)) if wanted else LOADED
 
 
 def _names(unknowns: Unknowns) -> list[str]:

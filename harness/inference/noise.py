@@ -47,17 +47,16 @@ class Noise:
         """Of the noise itself."""
         return max(self.total, self.sigma) ** 2
 
-    def drawn(self, rng: np.random.Generator, rows: int) -> Array:
-        """A draw of the noise, shape (rows,), once it has settled."""
-        settle = 20 * (len(self.coefficients) + 1)
-        white = self.sigma * rng.standard_normal(rows + settle)
-        return np.asarray(lfilter([1.0], np.r_[1.0, -self.coefficients], white))[settle:]
+
+def about_median(rest: Array, weighed: Mask) -> tuple[Array, float]:
+    """Rest (n_rows,) about its median in the rows `weighed`, and its robust deviation there."""
+    off = rest - np.median(rest[weighed])
+    return off, 1.4826 * float(np.median(np.abs(off[weighed])))
 
 
 def outliers(rest: Array, weighed: Mask, span: float) -> Mask:
     """Which of the rows `weighed` are far outside what the others leave, shape (n_rows,); `span`: range of the channel."""
-    off = rest - np.median(rest[weighed])
-    usual = 1.4826 * np.median(np.abs(off[weighed]))
+    off, usual = about_median(rest, weighed)
     return np.asarray(weighed & (np.abs(off) > OUTLIER * usual + FLOOR * span))
 
 

@@ -8,13 +8,11 @@ from numpy.typing import NDArray
 
 from ema_fmu_src import ports
 from harness.actuators.actuator import Actuator
-from harness.actuators.calibrated import covariance_of
+from harness.actuators.calibrated import WIDTH, covariance_of
 from harness.logs.shown import value_of
 
 Array = NDArray[np.float64]
 
-WIDTH = 1.96
-"""Standard deviations in a tolerance, which is taken for the half width of a 95 % interval."""
 SHAKEN = 0.23
 """Relative deviation between the static friction of HF at hysteresis control and that of the averaged models, which do not
 know the ripple that shakes the shaft loose earlier (ours, measured)."""

@@ -23,6 +23,8 @@ Mask = NDArray[np.bool_]
 
 MOST_STEPS, MOST_HALVINGS = 12, 6
 """Linearisations of a search, and shorter steps that are tried at each: stiction makes the cost rough."""
+LATER = 8
+"""The same of a search that starts where another has ended."""
 ENOUGH = 0.3
 """Fall of -2 log likelihood that a step has to promise: less tells nothing apart."""
 FAULT_REACH, REACH = 0.3, 2.0
@@ -111,10 +113,7 @@ class Problem:
 
     def cost(self, u: Array) -> float:
         """-2 log of the posterior, but for a constant; infinite where the model cannot fly."""
-        total = self._pull(u)
-        for r, run in enumerate(self.runs):
-            total += float(np.sum(run.white(self.rest(u, r)) ** 2))
-        return total if np.isfinite(total) else np.inf
+        return self.costs([u])[0]
 
     def costs(self, places: Sequence[Array]) -> list[float]:
         """The same of several places, flown on all cores."""
@@ -142,9 +141,10 @@ class Problem:
             gradient[where] += columns.T @ rest
             cost += float(rest @ rest)
             if blocks:
-                own_scores = np.zeros((run.blocks.max() + 1, own.size))
+                of_blocks = run.blocks
+                own_scores = np.zeros((of_blocks.max() + 1, own.size))
                 for at, column in zip(where, columns.T, strict=True):
-                    own_scores[:, at] = np.bincount(run.blocks, column * rest, len(own_scores))
+                    own_scores[:, at] = np.bincount(of_blocks, column * rest, len(own_scores))
                 scores.append(own_scores)
                 if run.flights is not None:
                     chances = chances if len(chances) else np.zeros((len(run.flights), own.size))

@@ -1,5 +1,6 @@
 """A measured run as the inference sees it: flights, sensors, noise, an unknown load, and the judge's gap to the model."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -79,8 +80,7 @@ class Run:
         run, given = self.measured, self.model.parameters
         if "load_torque" in run.trial.inputs:
             return np.empty((len(run.trial.time), 0))
-        torque = 1.5 * value_of("motor.K_e", given) * value_of("controller.current_limit", given)
-        sigma = LOAD_SHARE * torque * value_of("gear.ratio", given) * value_of("gear.eta_opposing", given)
+        sigma = usual_load(given) * value_of("gear.eta_opposing", given)
         time = run.trial.time - run.trial.start
         pieces = int(np.clip(np.ceil(time[-1] / KNOT), 2, MOST_KNOTS))
         inner = np.linspace(0.0, time[-1], pieces + 1)
@@ -105,9 +105,9 @@ class Run:
     def white(self, rest: Array) -> Array:
         """Rest (n_rows, n_channels, ...) in the channels' units, made white with deviation one, in the rows that carry
         weight, channel after channel, shape (n_residuals, ...)."""
-        rows = []
+        rows, weights = [], self._weights()
         for k, own in enumerate(self.noises):
-            weight = self._weights()[:, k].reshape(-1, *[1] * (rest.ndim - 2))
+            weight = weights[:, k].reshape(-1, *[1] * (rest.ndim - 2))
             rows.append(own.white(rest[:, k] * weight)[self.measured.weighed[:, k]])
         return np.concatenate(rows)
 
@@ -124,3 +124,10 @@ class Run:
             self.weight[noise.outliers(rest[:, k], self.kept[:, k], self.spans[k]), k] = 0.0
             used = self.weight[:, k] > 0.0
             self.noises[k] = noise.learnt(rest[:, k], used, self.spans[k], float(least[k]))
+
+
+def usual_load(parameters: Mapping[str, float]) -> float:
+    """LOAD_SHARE of what the current limit holds at the user's side [N.m] through a gear without losses; `parameters`: those
+    set, by port name."""
+    torque = 1.5 * value_of("motor.K_e", parameters) * value_of("controller.current_limit", parameters)
+    return LOAD_SHARE * torque * value_of("gear.ratio", parameters)

@@ -27,6 +27,11 @@ NO_LAG = 0.4
 """Time constants below so many steps of the grid are none."""
 
 
+def unit_of(kind: str, channel: str) -> str:
+    """The unit of a nuisance, where `channel` is that of what it is of."""
+    return channel if kind == "offset" else "s" if kind in ("shift", "lag") else "1"
+
+
 @dataclass(frozen=True)
 class Sensors:
     """The sensors of a measured run. `order`: that of their low-pass, 1 or 2 (Butterworth).
