@@ -16,7 +16,7 @@ from harness.actuators.actuator import DEFAULT, Actuator, Output
 from harness.actuators.read import LIBRARY, read_actuator
 from harness.actuators.values import tolerances_of
 from harness.calibration.logs import parse_own
-from harness.calibration.remarks import at_bound, correlated, off_the_sheet, would_tell
+from harness.calibration.remarks import at_bound, correlated, not_physical, not_told, off_the_sheet
 from harness.calibration.result import Parameter
 from harness.calibration.search import LOSS, soften
 from harness.calibration.table import file_text
@@ -220,7 +220,10 @@ def test_remarks() -> None:
     assert at_bound(["a", "b"], np.array([0.0, 8.0]), low, high) == [
         "b has come to its highest value: its sigma means little"
     ]
-    assert "known load" in would_tell("motor.K_e")
+    assert "known load" in not_told("motor.K_e")
+    static, coulomb = replace(item, name="mechanics.T_static"), replace(item, name="mechanics.T_coulomb")
+    assert "below mechanics.T_coulomb" in not_physical([replace(static, value=1.4), coulomb])[0]
+    assert not not_physical([static, coulomb]) and not not_physical([static])
 
 
 def test_tolerances_beside_any_value() -> None:

@@ -11,7 +11,10 @@ from test_calibrate import ema, said
 from harness.actuators.read import read_actuator
 
 LOGS = os.environ.get("EMA_BENCH_LOGS", "")
-pytestmark = pytest.mark.skipif(not LOGS, reason="EMA_BENCH_LOGS names no folder of bench logs")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not LOGS, reason="EMA_BENCH_LOGS names no folder of bench logs"),
+]
 COLUMNS = ("time=1 [ms]", "command=2 [mm] held", "position=4 [mm] motor", "equivalent_current=6 [mA]")
 AS_TOLD = [part for column in COLUMNS for part in ("--column", column)]
 

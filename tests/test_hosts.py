@@ -188,6 +188,7 @@ def test_the_windows_binary_brings_the_licenses_of_what_starts_it(everywhere: di
     assert "mingw-w64.txt, zig.txt" in own
 
 
+@pytest.mark.long
 def test_a_binary_does_not_depend_on_its_company_nor_on_the_time(everywhere: dict[str, Path], tmp_path: Path) -> None:
     for platform in PLATFORMS:
         (fmu,) = build(["LF"], out=tmp_path, platforms=[platform])

@@ -16,10 +16,10 @@ from harness.faults import ESTIMATED, FAULTS
 from harness.fidelity import FIDELITIES
 from harness.identification.diagnosis import Diagnosis, identify
 from harness.inference import coordinates
-from harness.inference.measured import read_measured
+from harness.inference.measured import measured, read_measured
 from harness.logs.noise import noise_of
 from harness.logs.stimulus import jumps_of
-from harness.trials import BUILT_IN
+from harness.trials import BUILT_IN, trial
 
 CASES = {
     "healthy": ("SIN", {}),
@@ -82,9 +82,9 @@ def test_phi_is_not_identifiable_without_eccentricity(folder, fmus):
 
 def test_a_saturated_run_says_less_of_backlash_than_a_slow_one(folder, fmus):
     width = {}
-    for trial in ("SIN4", "SIN"):
-        item = diagnose(folder, columns(fmus["HF"], trial, {})).estimate("backlash")
-        width[trial] = item.high - item.low
+    for name in ("SIN4", "SIN"):
+        item = diagnose(folder, columns(fmus["HF"], name, {})).estimate("backlash")
+        width[name] = item.high - item.low
     assert width["SIN4"] > 3.0 * width["SIN"]
 
 
@@ -105,6 +105,7 @@ def test_rest_carries_no_weight(fmus):
     assert not run.informative[held].any() and run.informative[moving].mean() > 0.95
 
 
+@pytest.mark.long
 def test_intervals_cover_the_truth_over_many_noises(folder, fmus):
     """Eight noises on one run: 95 % intervals of friction and N_a hold it in 6 or more (binomial: 1 % chance of less)."""
     inside = {"friction": 0, "N_a": 0}
@@ -172,6 +173,17 @@ def test_what_cannot_be_explained_is_said_to_be_so(change, message, folder, fmus
     found = diagnose(folder, change(columns(fmus["HF"], "SIN", {}, rate=500.0)))
     assert found.complaints and message in found.verdict and found.health is None
     assert not any(item.alarm for item in found.estimates)
+
+
+def test_a_shaft_that_starts_at_once_begins_where_it_was(folder, fmus):
+    """LOAD-STEP's command has jumped before its first row, and its friction is that of a healthy one."""
+    table = columns(fmus["HF"], "LOAD-STEP", {})
+    own = trial("LOAD-STEP")
+    inputs = {"command": table["command"], "load_torque": np.interp(table["time"], own.time, own.inputs["load_torque"])}
+    run = measured("run", table["time"], inputs, {name: table[name] for name in NOISE}, {})
+    assert run.initial.get("initial.position", 0.0) == pytest.approx(0.0, abs=2e-4)
+    found = identify(run, fmus=folder, fidelity=FIDELITIES["ELF+"])
+    assert not found.complaints and not any(item.alarm for item in found.estimates), found.verdict
 
 
 def test_a_load_that_nobody_logged_is_no_fault(folder, fmus):

@@ -36,6 +36,7 @@ def test_linear_growth_is_the_least_squares_line_and_its_event_where_the_line_me
     assert trend.health == pytest.approx(1.0 - (slope * at[-1] + intercept - 1.0) / 2.0, abs=0.01)
 
 
+@pytest.mark.long
 def test_intervals_of_the_time_of_event_cover_the_truth():
     """Ten histories of known growth: the 90 % interval holds the true time in 7 or more (binomial: 1 % chance of less)."""
     inside = 0

@@ -17,6 +17,8 @@ from harness.parameters import settable
 
 KEYS = ("names", "values", "covariance", "nuisances", "noise", "inflation", "model", "files", "date", "by", "remarks")
 KINDS = {port.name.partition(".")[0] for port in ports.PARAMETERS}
+LEAST_EIGENVALUE = 1e-10
+"""Of a matrix of correlations: with less, a combination of the values would be known exactly."""
 WIDTH = 1.96
 """Standard deviations from the middle of a 95 % interval to its ends."""
 
@@ -89,9 +91,10 @@ def _covariance(given: object, size: int, where: str) -> Any:
     if (np.diag(matrix) < 0.0).any() or not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12 * largest**2):
         raise HarnessError(f"{where} covariance: it has to be symmetric, with no negative number on its diagonal")
     widths = np.sqrt(np.diag(matrix))
-    scaled = matrix / np.outer(*[np.where(widths > 0.0, widths, 1.0)] * 2)
-    if float(np.linalg.eigvalsh(scaled)[0] if size else 0.0) < -1e-6:
+    known = widths > 0.0
+    scaled = matrix[np.ix_(known, known)] / np.outer(widths[known], widths[known])
+    if matrix[~known].any() or float(np.linalg.eigvalsh(scaled)[0] if known.any() else 1.0) < LEAST_EIGENVALUE:
         raise HarnessError(
-            f"{where} covariance: no covariance is like that; some sum of the values would vary less than not"
+            f"{where} covariance: no covariance is like that; some sum of the values would vary not at all, or less than not"
         )
     return matrix

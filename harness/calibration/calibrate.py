@@ -75,6 +75,7 @@ def calibrate(
         lines = [*result.remarks, *_on_search(others, found.inflation)]
         lines += [remarks.SCALE_IS_OPEN] if scale_open else []
         lines += [] if saturated else [remarks.UNSATURATED]
+        lines += remarks.rough(fit.unkept)
         result = replace(result, remarks=tuple(lines), seconds=time.perf_counter() - began)
         return replace(result, actuator=calibrated(actuator, result, bench.parameters))
 
@@ -101,7 +102,7 @@ def _result(problem: Problem, u: Array, found: Estimated, actuator: Actuator, be
         parameters=parameters,
         linked=found.names,
         covariance=found.covariance,
-        nuisances=_nuisances(problem, u),
+        nuisances=_nuisances(problem, u, found),
         rests=rests,
         inflation=found.inflation,
         complaints=_complaints(rests, problem, tolerance),
@@ -161,16 +162,23 @@ def _parameters(problem: Problem, u: Array, found: Estimated, actuator: Actuator
             continue
         start, before, told = float(prior.values[place]), float(prior.sigmas[place]), bool(found.told[place])
         sigma = float(sigmas[found.names.index(name)]) if name in found.names else before
-        reason = "" if told else remarks.would_tell(name)
+        reason = "" if told else remarks.not_told(name)
         out.append(Parameter(name, start, before, values[name] if told else start, sigma, told, reason))
     return tuple(out)
 
 
-def _nuisances(problem: Problem, u: Array) -> tuple[Nuisance, ...]:
+def _nuisances(problem: Problem, u: Array, found: Estimated) -> tuple[Nuisance, ...]:
     """Of each channel, with the deviations that they have while the parameters are not known exactly either."""
-    own = problem.unknowns
-    fit = problem.linear(u, _bench_alone(problem))
-    deviations = np.sqrt(np.diag(fit.covariance()))
+    own, alone = problem.unknowns, np.flatnonzero(_bench_alone(problem))
+    places = [own.prior.names.index(name) for name in found.names]
+    free = unknown(problem)
+    free[own.parameters][places] = True
+    fit = problem.linear(u, free)
+    inverse = np.linalg.inv(fit.hessian[np.ix_(alone, alone)])
+    follows = inverse @ fit.data[np.ix_(alone, own.parameters.start + np.array(places, dtype=int))]
+    known = found.covariance / np.outer(own.scales[places], own.scales[places])
+    deviations = np.zeros(own.size)
+    deviations[alone] = np.sqrt(np.diag(inverse + follows @ known @ follows.T))
     out = []
     for r, run in enumerate(problem.runs):
         values = own.nuisances_of(u, r)
@@ -219,6 +227,7 @@ def _remarks(problem: Problem, u: Array, found: Estimated, parameters: Sequence[
     sigmas = np.sqrt(np.diag(found.covariance))
     lines += remarks.correlated(found.names, found.covariance / np.outer(sigmas, sigmas))
     lines += remarks.off_the_sheet(parameters)
+    lines += remarks.not_physical(parameters)
     if not freed:
         lines.append("these runs tell none of the parameters better than the file")
     return list(dict.fromkeys(lines))
@@ -232,4 +241,9 @@ def _on_search(others: Sequence[float], inflation: Inflation) -> list[str]:
     if inflation.factor > 1.0:
         which = "blocks of time" if inflation.blocks >= inflation.runs else "the runs one by one"
         lines.append(f"intervals are {inflation.factor:.3g} times as wide as the noise says: by what {which} say")
+    if inflation.runs > remarks.CONTRADICT:
+        lines.append(
+            f"the logs contradict each other: fitted one by one they differ {inflation.runs:.2g} times as much as their "
+            "noise says; are they of one actuator, in one state, with one drive?"
+        )
     return lines

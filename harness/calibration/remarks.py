@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from harness.calibration.result import Parameter
 from harness.faults import LOADED
+from harness.inference.experiments import would_tell
 
 Array = NDArray[np.float64]
 
@@ -14,30 +15,13 @@ ALIKE = 0.95
 """Correlation from which two parameters are told together only."""
 FAR = 3.0
 """Standard deviations of its tolerance from which a value is said to be off the sheet."""
+CONTRADICT = 3.0
+"""Times as much as their noise says, by which logs that were fitted one by one may differ before it is said (ours)."""
+ROUGH = 30.0
+"""Fall of -2 log likelihood that was promised and not kept, from which slopes are said to mislead (ours)."""
 AT_BOUND = 1e-3
 """Distance from a bound, in standard deviations of the tolerance, that counts as being there."""
 
-FAST = "a command so fast that the voltage saturates"
-WOULD_TELL = {
-    "motor.K_e": f"{LOADED}, or {FAST}",
-    "motor.R": FAST,
-    "motor.L": FAST,
-    "motor.p": FAST,
-    "mechanics.J": "a faster command, with more acceleration",
-    "mechanics.C": "a run at high and at low speed",
-    "mechanics.T_coulomb": "a slow run that reverses",
-    "mechanics.T_static": "a run that stops and starts again, slowly",
-    "mechanics.T_asymmetry": "a slow run in both directions",
-    "mechanics.T_quadratic": "a run at high speed",
-    "gear.backlash": "a run that reverses, with the position measured on the user's side",
-    "gear.eta_opposing": f"{LOADED} against the motion",
-    "gear.eta_aiding": f"{LOADED} along the motion",
-    "controller.current_limit": "a command that asks for more than the current limit",
-    "controller.current.bandwidth": "a log of the current at 1000 rows a second or more",
-    "inverter.utilisation": FAST,
-}
-"""Port -> a run that tells it."""
-OTHER = "a run in which it matters more"
 SCALE_IS_OPEN = (
     "these runs do not tell a factor that torque constant, inertia and friction have in common, for none has a known "
     f"load or saturates the voltage: motor.K_e keeps its tolerance, which the others share; {LOADED} would tell"
@@ -45,9 +29,20 @@ SCALE_IS_OPEN = (
 UNSATURATED = "no voltage saturation in these logs: a fast command is not predicted"
 
 
-def would_tell(name: str) -> str:
+def not_told(name: str) -> str:
     """Why a parameter stays as it was, and which run would tell it."""
-    return f"not told by these runs; {WOULD_TELL.get(name, OTHER)} would tell"
+    return f"not told by these runs; {would_tell(name)} would tell"
+
+
+def rough(unkept: float) -> list[str]:
+    """A line where the search ended at slopes that mislead: the cost would have fallen by `unkept`, and did not."""
+    if unkept < ROUGH:
+        return []
+    return [
+        f"the fit ended where the model's slopes mislead (-2 log likelihood should have fallen by {unkept:.3g} more, and "
+        "did not): other values fit these logs as well, and the sigmas are too small; a log in which the voltage does not "
+        "saturate, or with another command, fitted beside them, would tell"
+    ]
 
 
 def correlated(names: Sequence[str], correlation: Array) -> list[str]:
@@ -63,6 +58,18 @@ def off_the_sheet(parameters: Sequence[Parameter]) -> list[str]:
         f"of its tolerance off the {item.start:.4g} of the file: is that right?"
         for item in parameters
         if item.freed and abs(item.value - item.start) > FAR * item.before
+    ]
+
+
+def not_physical(parameters: Sequence[Parameter]) -> list[str]:
+    """A line where a shaft would need less torque to break away than to go on."""
+    values = {item.name: item.value for item in parameters}
+    static, coulomb = values.get("mechanics.T_static"), values.get("mechanics.T_coulomb")
+    if static is None or coulomb is None or static >= coulomb:
+        return []
+    return [
+        f"mechanics.T_static, {static:.4g} N.m, is below mechanics.T_coulomb, {coulomb:.4g} N.m, which no friction is: "
+        f"these runs hardly tell it; {would_tell('mechanics.T_static')} would tell"
     ]
 
 

@@ -111,10 +111,11 @@ def remarks_of(found: Explained, estimates: Sequence[Estimate], untold: Sequence
             odds = f"no model tells it from {twins[0]} for certain" if twins else _odds(found.worse(other))
             remarks.append(f"explained as well, or nearly, by {told or 'no fault at all'} ({odds})")
     remarks += _beside(found)
+    wide = {item.fault for item in estimates if item.alarm and not item.identifiable}
     named = [
         f"{' and '.join(group.members)}: {group.experiment}"
         for group in untold
-        if (len(group.members) == 1 and set(group.members) <= set(FAULTS)) or set(group.members) & set(alarmed)
+        if (len(group.members) == 1 and set(group.members) <= set(FAULTS)) or set(group.members) & wide
     ]
     if named:
         remarks.append(f"this run cannot tell {'; '.join(named)} would")
@@ -174,7 +175,7 @@ def verdict_of(
     rest = f"; not identifiable from this run: {', '.join(unknown)}" if unknown else ""
     if not alarms:
         healthy = "as far as this run tells, healthy" if unknown else "healthy"
-        return f"{healthy}: no identifiable fault has lost more than {100.0 * threshold:g} % of its health{rest}"
+        return f"{healthy}: no fault is found to have lost more than {100.0 * threshold:g} % of its health{rest}"
     listed = [
         f"{item.fault} = {item.value:.4g} (health {'' if item.identifiable else 'at most '}{item.health:.2f})"
         for item in sorted(alarms, key=lambda alarm: alarm.health or 0)

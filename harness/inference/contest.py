@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from harness.faults import FAULTS
 from harness.inference import coordinates
-from harness.inference.evidence import PENALTIES, ROUGH, Faults, Profile, penalised, rarity, tellable
+from harness.inference.evidence import ALIKE, PENALTIES, ROUGH, Faults, Profile, penalised, rarity, tellable
 from harness.inference.gap import update_gap
 from harness.inference.problem import ENOUGH, LATER, Fit, Problem
 from harness.inference.unknowns import N_FAULTS, Load
@@ -30,8 +30,12 @@ SWAPPED = 2
 """Other faults that each fault of the best explanation is exchanged for."""
 SCANNED_IN, SCANNED = ("mechanics.T_static",), (-2.0, -1.5, -1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 """Parameters in which the cost is rough, and their values that are tried, in standard deviations."""
-MOVED = 0.02
-"""Move of a fault, in spans, from which the gap is taken anew."""
+STRETCHED = (1.5, 2.0, 3.0)
+"""Times as large as it was found, that a rare fault is tried."""
+MOST_LESS = 6
+"""Rounds in which faults are left out."""
+MOVED, MOST_GAPS = 0.02, 6
+"""Move of a fault, in spans, from which the gap is taken anew, and how often at most."""
 
 
 @dataclass(frozen=True)
@@ -66,16 +70,45 @@ class Contest:
         free = self.problem.unknowns.mask(faults, self.load)
         fit = self._scanned(self.problem.solve(u, free, most=LATER))
         hopeless = bool(self.entries) and penalised(fit.cost, faults, self.penalties) > self.cost(self.best) + REACH
-        for _ in range(0 if hopeless else 2):
-            at = fit.u
-            for r in range(len(self.problem.runs)):
-                update_gap(self.problem, at, r)
-            fit = self.problem.solve(at, free, most=LATER)
-            if np.max(np.abs(fit.u[:N_FAULTS] - at[:N_FAULTS])) <= MOVED:
-                break
+        if not hopeless:
+            fit = self._with_own_gap(fit)
+            for name in faults:
+                if FAULTS[name].rare and not FAULTS[name].alone:
+                    fit = self._stretched(fit, name)
         found = Explanation(faults, fit, tuple(run.gap for run in self.problem.runs))
         if faults not in self.entries or fit.cost < self.entries[faults].fit.cost:
             self.entries[faults] = found
+
+    def _with_own_gap(self, fit: Fit) -> Fit:
+        """The fit with the gap where it ends."""
+        for _ in range(MOST_GAPS):
+            at = fit.u
+            self._take_gaps(at)
+            fit = self.problem.solve(at, fit.free, most=LATER)
+            if np.max(np.abs(fit.u[:N_FAULTS] - at[:N_FAULTS])) <= MOVED:
+                break
+        return fit
+
+    def _stretched(self, fit: Fit, name: str) -> Fit:
+        """The fit, or a better one where this fault is larger. To some that are rare the judge answers in another way than
+        the model: with the gap of where it was, each fit is then drawn to where the gap was taken, short of the truth."""
+        others = fit.free.copy()
+        others[coordinates.PLACES[name]] = False
+        for factor in STRETCHED:
+            gaps, u = [run.gap for run in self.problem.runs], fit.u.copy()
+            u[coordinates.PLACES[name]] *= factor
+            u = np.clip(u, self.problem.unknowns.low, self.problem.unknowns.high)
+            self._take_gaps(u)
+            beside = self.problem.solve(u, others, most=LATER)
+            if beside.cost < fit.cost - ENOUGH:
+                return self._with_own_gap(self.problem.solve(beside.u, fit.free, most=LATER))
+            for run, gap in zip(self.problem.runs, gaps, strict=True):
+                run.gap = gap
+        return fit
+
+    def _take_gaps(self, u: Array) -> None:
+        for r in range(len(self.problem.runs)):
+            update_gap(self.problem, u, r)
 
     def _scanned(self, fit: Fit) -> Fit:
         """The fit, or a better one from other values of what is SCANNED_IN: there slopes do not tell where to go."""
@@ -160,18 +193,35 @@ class Contest:
                     self._enter_beside(best, faults, place)
 
     def _with_one_less(self) -> None:
-        """Leave out, one at a time, each fault of the best explanation that may not be needed."""
-        for _ in range(4):
-            best, new = self.best, False
-            covariance = best.fit.covariance()
-            for out in best.faults:
-                places, less = coordinates.PLACES[out], tuple(name for name in best.faults if name != out)
-                gain = best.fit.u[places] @ np.linalg.solve(covariance[np.ix_(places, places)], best.fit.u[places])
-                if less not in self.entries and gain < CHEAP:
-                    new = True
-                    self._enter_beside(best, less, without(best.fit, [out]))
+        """Leave out, one at a time, each fault of the best explanation that may not be needed; and of each other explanation
+        those without which it may come near the best: one that has come from an exchange may hold faults that were needed
+        beside what it was exchanged for alone."""
+        for _ in range(MOST_LESS):
+            best = self.best
+            todo = [(out, best) for out in best.faults if self._gain(best, out) < CHEAP]
+            for item in self.entries.values():
+                todo += [(out, item) for out in item.faults if item is not best and self._promises(item, out)]
+            new = [(out, item) for out, item in todo if _without(item, out) not in self.entries]
             if not new:
                 break
+            for out, item in new:
+                if _without(item, out) not in self.entries:
+                    self._enter_beside(item, _without(item, out), without(item.fit, [out]))
+
+    def _gain(self, item: Explanation, out: str) -> float:
+        """What this fault of an explanation gains, by the quadratic."""
+        places = coordinates.PLACES[out]
+        covariance = item.fit.covariance()[np.ix_(places, places)]
+        return float(item.fit.u[places] @ np.linalg.solve(covariance, item.fit.u[places]))
+
+    def _promises(self, item: Explanation, out: str) -> bool:
+        """Whether an explanation without this fault is better, and near the best, by the quadratic."""
+        less = self.cost(item) + self._gain(item, out) - self.penalties[out]
+        return less < min(self.cost(item), self.cost(self.best) + ALIKE)
+
+
+def _without(item: Explanation, out: str) -> Faults:
+    return tuple(name for name in item.faults if name != out)
 
 
 def without(fit: Fit, faults: Sequence[str]) -> Array:

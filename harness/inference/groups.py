@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.faults import FAULTS, LOADED
+from harness.faults import FAULTS
 from harness.inference import coordinates
+from harness.inference.experiments import apart
 from harness.inference.problem import Fit
 from harness.inference.unknowns import N_FAULTS, Unknowns
 
@@ -15,8 +16,10 @@ Array = NDArray[np.float64]
 
 UNTOLD = 5.0
 """A combination is not told by the data if it is open by more than so many per cent (ours)."""
+OPEN = 1e4
+"""Per cent from which it is not told at all."""
 LEAST = 0.15
-"""Share of the largest from which an unknown counts as a member of a combination."""
+"""Share of the largest, in what it moves, from which an unknown counts as a member of a combination."""
 MOST_MEMBERS = 8
 """Members of a combination that are named."""
 NOTHING = 1e-9
@@ -53,28 +56,22 @@ def groups(fit: Fit, unknowns: Unknowns, able: Sequence[str]) -> list[Group]:
     information = _information(fit, unknowns, np.array(places, dtype=int))
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
     found = [
-        Group({names[at]: 1.0}, np.inf, experiment([names[at]]))
-        for at, told in zip(places, size, strict=True)
-        if told < NOTHING
+        Group({names[at]: 1.0}, np.inf, apart([names[at]])) for at, told in zip(places, size, strict=True) if told < NOTHING
     ]
     kept = [n for n, told in enumerate(size) if told >= NOTHING]
     inner = information[np.ix_(kept, kept)]
     values, vectors = np.linalg.eigh(inner)
     rows = _sparse(vectors[:, values < UNTOLD**-2].T, _order(kept, places, names))
     for row in rows:
-        sigma = 1.0 / np.sqrt(max(float(row @ inner @ row), 1e-12))
-        strong = [n for n in np.argsort(-np.abs(row), kind="stable") if abs(row[n]) > LEAST][:MOST_MEMBERS]
+        told = float(row @ inner @ row)
+        sigma = 1.0 / np.sqrt(told) if told > OPEN**-2 else np.inf
+        moved = np.abs(row) * size[kept]  # what each moves: they cancel
+        strong = [n for n in np.argsort(-moved, kind="stable") if moved[n] > LEAST * moved.max()][:MOST_MEMBERS]
         members: dict[str, float] = {}
         for n in sorted(strong):
-            members.setdefault(names[places[kept[n]]], round(float(row[n]), 2))
-        found.append(Group(members, sigma, experiment(list(members))))
+            members.setdefault(names[places[kept[n]]], float(f"{row[n]:.2g}"))
+        found.append(Group(members, sigma, apart(list(members))))
     return found
-
-
-def experiment(members: Sequence[str]) -> str:
-    """The run that tells these apart: those of the faults among them, or a known load for parameters alone."""
-    wanted = [FAULTS[name].told_by for name in members if name in FAULTS]
-    return " or ".join(dict.fromkeys(wanted)) if wanted else LOADED
 
 
 def _names(unknowns: Unknowns) -> list[str]:

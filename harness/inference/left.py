@@ -20,6 +20,8 @@ CORRELATED = 0.04
 """Time [s] over which noise may hang together; what hangs together longer is held against the model (ours)."""
 PICKED, SAME = 3, 0.05
 """Ways of following that are added up, and the part of one that the others have to leave of it."""
+LEAST = 1e-100
+"""Size below which a curve stands still."""
 MOST_NOISE = 0.03
 """Rest, in ranges of the channel, that is too much for noise whatever it follows (ours)."""
 
@@ -74,15 +76,15 @@ def _regressors(curves: Array, time: Array, angle: Array) -> Array:
     rotor's field with its harmonic."""
     parts = [np.ones(len(time)), *(wave(order * angle) for order in (1, 2) for wave in (np.sin, np.cos))]
     for k in range(curves.shape[1]):
-        series = curves[:, k] / max(float(np.ptp(curves[:, k])), 1e-300)
+        series = curves[:, k] / max(float(np.ptp(curves[:, k])), LEAST)
         slope = np.gradient(series, time)
-        slope /= max(float(np.std(slope)), 1e-300)
+        slope /= max(float(np.std(slope)), LEAST)
         for lag in LAGS:
             parts += [
                 np.interp(time - lag, time, each) for each in (series, np.tanh(20.0 * series), np.clip(slope, -4.0, 4.0))
             ]
     found = np.column_stack(parts)
-    return found / np.maximum(np.sqrt(np.mean(found**2, axis=0)), 1e-300)
+    return found / np.maximum(np.sqrt(np.mean(found**2, axis=0)), LEAST)
 
 
 def _following(rest: Array, used: NDArray[np.bool_], regressors: Array, seconds: float) -> float:

@@ -6,7 +6,7 @@ maximum a posteriori (MAP); the inverse of the Gauss-Newton Hessian there is Lap
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ class Fit:
     while the noise is the same. `hessian` and `gradient`: halves of those of the cost; `data`: the data's part of the
     Hessian, without the prior. Rows and columns of what is not free hold nothing. `scores`, shape (n_blocks, size): the
     data's part of the gradient, summed over blocks of BLOCK, and `chances`, shape (n_flights, size): what each flight of
-    the judge would add to it; none if they were not asked for."""
+    the judge would add to it; none if they were not asked for. `unkept`: by how much the cost would have fallen, had the
+    last step kept its promise; 0 where none was left to make."""
 
     u: Array
     cost: float
@@ -51,6 +52,7 @@ class Fit:
     free: Mask = field(repr=False)
     scores: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     chances: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    unkept: float = 0.0
 
     def covariance(self, free: Mask | None = None) -> Array:
         """Laplace's approximation over what is `free` (else what was free), shape (size, size); 0 for the rest."""
@@ -222,12 +224,13 @@ class Problem:
             fit = self.linear(u, free)
             root = np.asarray(np.linalg.cholesky(fit.hessian[np.ix_(chosen, chosen)]).T, dtype=np.float64)
             target = np.asarray(-np.linalg.solve(root.T, fit.gradient[chosen]), dtype=np.float64)
-            moved = None
+            moved, hoped = None, 0.0
             for _ in range(MOST_HALVINGS if left else 0):
                 step = _bounded(root, target, own, u, chosen, radius * reach)
                 promised = -float(2.0 * fit.gradient[chosen] @ step + np.sum((root @ step) ** 2))
                 if promised < enough:
-                    return fit
+                    return replace(fit, unkept=hoped)
+                hoped = max(hoped, promised)
                 beside = u.copy()
                 beside[chosen] = np.clip(u[chosen] + step, own.low[chosen], own.high[chosen])
                 if self.cost(beside) < fit.cost - KEPT_PROMISE * promised:
@@ -235,7 +238,7 @@ class Problem:
                     break
                 radius = 0.4 * min(radius, float(np.max(np.abs(step) / reach)))
             if moved is None:
-                return fit
+                return replace(fit, unkept=hoped)
             u = moved
         raise AssertionError("a search of no step")
 

@@ -43,7 +43,7 @@ def start_of(log: Log, parameters: Mapping[str, float]) -> Start:
     """How the log begins; `parameters` are those set for the actuator, by port name."""
     ratio = _ratio(parameters)
     if {"motor_speed", "position"} <= set(log.channels) and is_dense(log, "command", "motor_speed", "position"):
-        x, w, moving = _by_speed(log)
+        x, w, moving = _by_speed(log, ratio)
     else:
         x, w, moving = _by_position(log.time, log.inputs["command"], user_position(log, parameters), ratio)
     state = {"initial.motor_position": ratio * x, "initial.position": x, "initial.motor_speed": w}
@@ -78,19 +78,22 @@ def _ratio(parameters: Mapping[str, float]) -> float:
     return parameters.get("gear.ratio", ports.VARIABLES[ports.INDEX["gear.ratio"]].start)
 
 
-def _by_speed(log: Log) -> tuple[float, float, bool]:
-    """Position [rad] and motor speed [rad/s] from straight lines through the first rows, and whether the shaft moves."""
+def _by_speed(log: Log, ratio: float) -> tuple[float, float, bool]:
+    """Position [rad] and motor speed [rad/s] from the first rows, and whether the shaft moves: a straight line through the
+    speed; and through the position what follows with that speed at its start, as a command that jumps makes it: a cubic."""
     first = log.time <= log.time[0] + START_WINDOW
     t, command = log.time[first] - log.time[0], log.inputs["command"]
-    lines, near = {}, {}
+    first_rows, near = {}, {}
     for name in ("position", "motor_speed"):
         series = filled(log.time, log.channels[name])
-        lines[name] = np.polynomial.polynomial.polyfit(t, series[first], 1)
+        first_rows[name] = series[first]
         near[name] = max(AT_REST * np.ptp(series), 4.0 * np.std(np.diff(series)) / np.sqrt(first.sum()))
-    position, speed = lines["position"], lines["motor_speed"]
-    w = 0.0 if abs(speed[0]) <= near["motor_speed"] else float(speed[0])
-    settled = w == 0.0 and abs(position[0] - command[0]) <= near["position"]
-    x = float(command[0] if settled else position[0])  # a servo at rest stands at its command, unless that has just jumped
+    speed = float(np.polynomial.polynomial.polyfit(t, first_rows["motor_speed"], 1)[0])
+    w = 0.0 if abs(speed) <= near["motor_speed"] else speed
+    basis = np.column_stack([np.ones(len(t)), t**2, t**3])
+    position = float(np.linalg.lstsq(basis, first_rows["position"] - w / ratio * t, rcond=None)[0][0])
+    settled = w == 0.0 and abs(position - command[0]) <= near["position"]
+    x = float(command[0] if settled else position)  # a servo at rest stands at its command, unless that has just jumped
     return x, w, w != 0.0
 
 
