@@ -9,7 +9,13 @@ from xml.sax.saxutils import quoteattr
 
 import fmpy
 
+from ema_fmu_src import ports
+
 SOURCE = Path(__file__).parent / "c" / "small.c"
+WARNS, NO_RESET, FALSE_RESET, NEEDS_STOP, REFUSES_INPUT, REFUSES_OUTPUT, EXITS, REFUSES_STEP, EQUAL_STEPS = (
+    2**bit for bit in range(9)
+)
+"""Manners, as in c/small.c."""
 ITEMS = ("off", "slow", "fast")
 MIRROR = (
     ("Integer", "number", "output", 0),
@@ -30,6 +36,11 @@ OTHERS = (
     *(("Real", f"b{i}", "parameter", 8 + i) for i in range(2)),
     ("Integer", "manners", "parameter", 2),
 )
+TWIN = (
+    *(("Real", port.name, "input", 2 + i) for i, port in enumerate(ports.INPUTS)),
+    *((port.kind, port.name, "output", 0) for port in ports.OUTPUTS),
+)
+"""Our ports; all outputs are the command."""
 STARTS = {"Real": "0.0", "Integer": "0", "Enumeration": "1", "Boolean": "false", "String": ""}
 
 
@@ -43,13 +54,19 @@ def library(folder: Path) -> Path:
 
 
 def build(
-    library: Path, folder: Path, kind: str, *, depends: dict[str, Sequence[str]] | None = None, variable_steps: bool = True
+    library: Path,
+    folder: Path,
+    kind: str,
+    *,
+    manners: int = 0,
+    depends: dict[str, Sequence[str]] | None = None,
+    variable_steps: bool = True,
 ) -> Path:
     """The FMU of a `kind` that c/small.c knows, in `folder`.
 
     `depends`: on which inputs outputs depend at the start, as the FMU declares it; nothing is declared where None.
     """
-    variables = MIRROR if kind == "mirror" else OTHERS
+    variables = {"mirror": MIRROR, "twin": TWIN}.get(kind, OTHERS)
     place = {name: str(number) for number, (_, name, _, _) in enumerate(variables, 1)}
     lines = []
     for type_, name, causality, reference in variables:
@@ -69,7 +86,7 @@ def build(
     )
     items = "".join(f'<Item name="{name}" value="{value}"/>' for value, name in enumerate(ITEMS, 1))
     description = f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="{kind}" guid="{kind}">
+<fmiModelDescription fmiVersion="2.0" modelName="{kind}" guid="{kind}:{manners}">
 <CoSimulation modelIdentifier="small" canHandleVariableCommunicationStepSize="{str(variable_steps).lower()}"/>
 <TypeDefinitions><SimpleType name="Mode"><Enumeration>{items}</Enumeration></SimpleType></TypeDefinitions>
 <ModelVariables>{"".join(lines)}</ModelVariables>

@@ -2,31 +2,19 @@
 
 import logging
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-import small
 import xarray as xr
+from small import EQUAL_STEPS, NEEDS_STOP, REFUSES_INPUT, REFUSES_OUTPUT, REFUSES_STEP, WARNS
 
 from harness.errors import HarnessError
 from harness.flight.couple import Connection, System, fly
 from harness.flight.initialize import TOLERANCE
 
-Build = Callable[..., Path]
-WARNS, NO_RESET, FALSE_RESET, NEEDS_STOP, REFUSES_INPUT, REFUSES_OUTPUT, EXITS, REFUSES_STEP, EQUAL_STEPS = (
-    2**bit for bit in range(9)
-)
 ORDERS = pytest.mark.parametrize("order", ["jacobi", "gauss-seidel"])
 THROUGH = {"y0": ("u0", "u1"), "y1": ("u0", "u1")}
-
-
-@pytest.fixture(scope="module")
-def fmu(tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """Builds an FMU of a kind; the library is compiled once."""
-    library = small.library(tmp_path_factory.mktemp("small"))
-    return lambda kind, **options: small.build(library, tmp_path_factory.mktemp(kind), kind, **options)
 
 
 def coupled(
@@ -38,9 +26,9 @@ def coupled(
 
 @ORDERS
 @pytest.mark.parametrize("depends", [None, THROUGH])
-def test_a_feedthrough_pair_starts_with_consistent_values(fmu, depends, order) -> None:
+def test_a_feedthrough_pair_starts_with_consistent_values(small_fmu, depends, order) -> None:
     """y = 2 u, twice, behind an input of 0.5: 1, then 2, from the first point on, whichever stands first."""
-    double = fmu("affine", depends=depends)
+    double = small_fmu("affine", depends=depends)
     for names in (("first", "second"), ("second", "first")):
         run = coupled(
             {name: double for name in names},
@@ -55,10 +43,10 @@ def test_a_feedthrough_pair_starts_with_consistent_values(fmu, depends, order) -
         assert run["second.y0"].values.tolist() == [2.0] * 4
 
 
-def test_a_chain_across_two_components_and_back_is_no_loop(fmu) -> None:
+def test_a_chain_across_two_components_and_back_is_no_loop(small_fmu) -> None:
     """a.y0 -> b.u0, b.y0 -> a.u1, a.y1 -> b.u1: no output depends on itself, though the components go round."""
     depends = {"y0": ["u0"], "y1": ["u1"]}
-    box = fmu("affine", depends=depends)
+    box = small_fmu("affine", depends=depends)
     parameters = {f"{name}.a{i}{i}": 3.0 for name in "ab" for i in range(2)}
     wires = [("a.y1", "b.u1"), ("a.y0", "b.u0"), ("b.y0", "a.u1")]
     run = coupled(dict.fromkeys("ab", box), wires, parameters, inputs={"a.u0": np.ones(1)}, stop=0.1, record=["b.y1"])
@@ -66,9 +54,9 @@ def test_a_chain_across_two_components_and_back_is_no_loop(fmu) -> None:
 
 
 @pytest.mark.parametrize("gain", [0.5, -3.0, 0.999, 40.0])
-def test_a_linear_loop_starts_at_its_solution(fmu, gain) -> None:
+def test_a_linear_loop_starts_at_its_solution(small_fmu, gain) -> None:
     """x = g*y + 1, y = g*x + 2: x = (1 + 2g)/(1 - g^2), though going round does not converge for |g| >= 1."""
-    box = fmu("affine", depends=THROUGH)
+    box = small_fmu("affine", depends=THROUGH)
     parameters = {"a.a00": gain, "a.b0": 1.0, "b.a00": gain, "b.b0": 2.0}
     wires = [("a.y0", "b.u0"), ("b.y0", "a.u0")]
     run = coupled(dict.fromkeys("ab", box), wires, parameters, record=["a.y0", "b.y0"])
@@ -76,43 +64,43 @@ def test_a_linear_loop_starts_at_its_solution(fmu, gain) -> None:
     np.testing.assert_allclose([run["a.y0"][0], run["b.y0"][0]], [x, y], rtol=10 * TOLERANCE)
 
 
-def test_a_nonlinear_loop_starts_at_its_solution(fmu) -> None:
+def test_a_nonlinear_loop_starts_at_its_solution(small_fmu) -> None:
     """x = cos x has the one solution 0.7390851332151607 (Dottie's number)."""
-    run = coupled({"a": fmu("cosine")}, [("a.y0", "a.u0")], {}, record=["a.y0"])
+    run = coupled({"a": small_fmu("cosine")}, [("a.y0", "a.u0")], {}, record=["a.y0"])
     assert float(run["a.y0"][0]) == pytest.approx(0.7390851332151607, rel=TOLERANCE)
 
 
-def test_a_loop_that_is_not_declared_is_found(fmu) -> None:
+def test_a_loop_that_is_not_declared_is_found(small_fmu) -> None:
     """The FMU says that its outputs depend on nothing; they do."""
-    box = fmu("affine", depends={})
+    box = small_fmu("affine", depends={})
     parameters = {"a.a00": 0.5, "a.b0": 1.0, "b.a00": 0.5, "b.b0": 1.0}
     run = coupled(dict.fromkeys("ab", box), [("a.y0", "b.u0"), ("b.y0", "a.u0")], parameters, record=["a.y0"])
     assert float(run["a.y0"][0]) == pytest.approx(2.0, rel=TOLERANCE)
 
 
 @pytest.mark.parametrize("gain", [1.0, -2.0, 1e6])
-def test_a_loop_without_solution_is_refused_with_its_names(fmu, gain) -> None:
+def test_a_loop_without_solution_is_refused_with_its_names(small_fmu, gain) -> None:
     """x = g*y, y = x/g + 1: the gain around is 1. And a flag that is its own opposite."""
-    box = fmu("affine", depends=THROUGH)
+    box = small_fmu("affine", depends=THROUGH)
     wires = [("a.y0", "b.u0"), ("b.y0", "a.u0")]
     with pytest.raises(HarnessError, match=r"connections .*a\.y0 -> b\.u0.*: no values were found") as caught:
         coupled(dict.fromkeys("ab", box), wires, {"a.a00": gain, "b.a00": 1.0 / gain, "b.b0": 1.0})
     assert "\n" not in str(caught.value) and "b.y0 -> a.u0" in str(caught.value)
     with pytest.raises(HarnessError, match=r"m\.flag -> m\.flag_in: no values were found"):
-        coupled({"m": fmu("mirror")}, [("m.flag", "m.flag_in")], {})
+        coupled({"m": small_fmu("mirror")}, [("m.flag", "m.flag_in")], {})
 
 
 @pytest.mark.parametrize("value, told", [(math.inf, "the value is inf at the start"), (math.nan, "the value is nan")])
-def test_a_start_that_is_no_number_is_refused(fmu, value, told) -> None:
-    box = fmu("affine", depends=THROUGH)
+def test_a_start_that_is_no_number_is_refused(small_fmu, value, told) -> None:
+    box = small_fmu("affine", depends=THROUGH)
     with pytest.raises(HarnessError, match=rf"a\.y0 -> b\.u0: {told}"):
         coupled(dict.fromkeys("ab", box), [("a.y0", "b.u0")], {"a.b0": value})
 
 
 @ORDERS
-def test_a_mass_on_a_spring_swings_as_it_should(fmu, order) -> None:
+def test_a_mass_on_a_spring_swings_as_it_should(small_fmu, order) -> None:
     """x = x0 cos(w t), w^2 = k/m = 25; the spring's force is there from the start, and the error is of first order."""
-    components = {"mass": fmu("mass", depends={}), "spring": fmu("affine", depends=THROUGH)}
+    components = {"mass": small_fmu("mass", depends={}), "spring": small_fmu("affine", depends=THROUGH)}
     wires = [("mass.y0", "spring.u0"), ("spring.y0", "mass.u0")]
     parameters = {"mass.a00": 2.0, "mass.b0": 0.1, "spring.a00": -50.0}
     errors = []
@@ -124,11 +112,11 @@ def test_a_mass_on_a_spring_swings_as_it_should(fmu, order) -> None:
 
 
 @ORDERS
-def test_every_type_passes(fmu, order) -> None:
+def test_every_type_passes(small_fmu, order) -> None:
     """Two mirrors behind one another: the number rises by 2, the flag is turned twice, the text gets two marks."""
     types = ("number", "mode", "flag", "text")
     run = coupled(
-        dict.fromkeys("ab", fmu("mirror")),
+        dict.fromkeys("ab", small_fmu("mirror")),
         [(f"a.{name}", f"b.{name}_in") for name in types],
         {"a.number_in": 5, "a.mode_in": "fast", "a.flag_in": True, "a.text_in": "grüße"},
         stop=0.2,
@@ -142,9 +130,11 @@ def test_every_type_passes(fmu, order) -> None:
     assert run["b.length"].values.tolist() == [len("grüße!".encode())] * 3
 
 
-def test_an_integer_becomes_a_real(fmu) -> None:
+def test_an_integer_becomes_a_real(small_fmu) -> None:
     wires = [Connection("a.number", "b.u0", 0.5)]
-    system = System({"a": fmu("mirror"), "b": fmu("affine", depends=THROUGH)}, wires, {"a.number_in": 6, "b.a00": 1.0})
+    system = System(
+        {"a": small_fmu("mirror"), "b": small_fmu("affine", depends=THROUGH)}, wires, {"a.number_in": 6, "b.a00": 1.0}
+    )
     assert fly(system, stop=0.1, step=0.1, record=["b.y0"])["b.y0"].values.tolist() == [3.5, 3.5]
 
 
@@ -165,15 +155,15 @@ def test_an_integer_becomes_a_real(fmu) -> None:
         ([], {"a.u0": np.array(1.0)}, r"1 values are given, 1 are needed"),
     ],
 )
-def test_wiring_that_makes_no_sense_is_refused(fmu, wires, inputs, told) -> None:
-    box = fmu("affine")
+def test_wiring_that_makes_no_sense_is_refused(small_fmu, wires, inputs, told) -> None:
+    box = small_fmu("affine")
     with pytest.raises(HarnessError, match=told) as caught:
-        coupled({"a": box, "b": box, "m": fmu("mirror")}, wires, {}, stop=0.1, inputs=inputs)
+        coupled({"a": box, "b": box, "m": small_fmu("mirror")}, wires, {}, stop=0.1, inputs=inputs)
     assert "\n" not in str(caught.value)
 
 
-def test_a_factor_is_for_reals(fmu) -> None:
-    system = System(dict.fromkeys("ab", fmu("mirror")), [Connection("a.number", "b.number_in", 2.0)])
+def test_a_factor_is_for_reals(small_fmu) -> None:
+    system = System(dict.fromkeys("ab", small_fmu("mirror")), [Connection("a.number", "b.number_in", 2.0)])
     with pytest.raises(HarnessError, match="factor 2: only 1 is possible for a Integer"):
         fly(system, stop=0.1, step=0.1)
 
@@ -190,31 +180,31 @@ def test_a_factor_is_for_reals(fmu) -> None:
         ("mode_in", "none", "off, slow, fast is needed"),
     ],
 )
-def test_start_values_of_another_type_are_refused(fmu, name, value, told) -> None:
+def test_start_values_of_another_type_are_refused(small_fmu, name, value, told) -> None:
     with pytest.raises(HarnessError, match=rf"{name} = .*{told}"):
-        coupled({"m": fmu("mirror")}, [], {f"m.{name}": value})
+        coupled({"m": small_fmu("mirror")}, [], {f"m.{name}": value})
 
 
-def test_a_string_that_is_too_long_is_refused_by_name(fmu) -> None:
+def test_a_string_that_is_too_long_is_refused_by_name(small_fmu) -> None:
     wires, text = [("a.text", "b.text_in")], "x" * 5000
     with pytest.raises(HarnessError, match=r"a\.text, at 0 s: its text is longer than 4095 bytes"):
-        coupled(dict.fromkeys("ab", fmu("mirror")), wires, {"a.text_in": text}, stop=0.1)
+        coupled(dict.fromkeys("ab", small_fmu("mirror")), wires, {"a.text_in": text}, stop=0.1)
     with pytest.raises(HarnessError, match=r"a\.text: a String cannot be recorded"):
-        coupled({"a": fmu("mirror")}, [], {}, record=["a.text"])
+        coupled({"a": small_fmu("mirror")}, [], {}, record=["a.text"])
 
 
 @pytest.mark.parametrize("stop, points", [(0.25, [0.0, 0.1, 0.2, 0.25]), (0.3, [0.0, 0.1, 0.2, 0.3]), (0.07, [0.0, 0.07])])
-def test_the_last_step_reaches_the_stop_time(fmu, stop, points) -> None:
+def test_the_last_step_reaches_the_stop_time(small_fmu, stop, points) -> None:
     """As other importers do (FMPy 0.3): a shorter last step where the FMU takes one."""
-    clock = fmu("clock")
+    clock = small_fmu("clock")
     run = coupled({"c": clock}, [], {"c.manners": NEEDS_STOP}, stop=stop, record=["c.y0", "c.y1"])
     np.testing.assert_allclose(run.time, points, rtol=1e-15)
     assert float(run.time[-1]) == float(run["c.y0"][-1]) == pytest.approx(stop, rel=1e-15)
     assert float(run["c.y1"][-1]) == pytest.approx(stop, rel=1e-15)
 
 
-def test_a_stop_between_steps_is_refused_where_steps_are_equal(fmu) -> None:
-    clock = fmu("clock", variable_steps=False)
+def test_a_stop_between_steps_is_refused_where_steps_are_equal(small_fmu) -> None:
+    clock = small_fmu("clock", variable_steps=False)
     with pytest.raises(
         HarnessError, match=r"stop 0\.25 s is no multiple of the step 0\.1 s, and c \(clock\.fmu\).*0\.2 s or 0\.3 s"
     ):
@@ -233,9 +223,9 @@ def test_a_stop_between_steps_is_refused_where_steps_are_equal(fmu) -> None:
         (1.0, 1e-12, "1e[+]09 steps"),
     ],
 )
-def test_times_that_cannot_be_flown(fmu, stop, step, told) -> None:
+def test_times_that_cannot_be_flown(small_fmu, stop, step, told) -> None:
     with pytest.raises(HarnessError, match=told):
-        coupled({"c": fmu("clock")}, [], {}, stop=stop, step=step)
+        coupled({"c": small_fmu("clock")}, [], {}, stop=stop, step=step)
 
 
 @ORDERS
@@ -247,17 +237,17 @@ def test_times_that_cannot_be_flown(fmu, stop, step, told) -> None:
         (REFUSES_STEP, r"^c, at 0 s: step of 0\.1 s refused$"),
     ],
 )
-def test_the_one_that_failed_is_named(fmu, order, manners, told) -> None:
+def test_the_one_that_failed_is_named(small_fmu, order, manners, told) -> None:
     """The last of three; its message has the arguments of printf in it."""
-    box = fmu("affine", depends=THROUGH)
+    box = small_fmu("affine", depends=THROUGH)
     wires = [("a.y0", "b.u0"), ("b.y0", "c.u0"), ("c.y1", "a.u1")]
     parameters = {"a.b0": 3.0, "b.a00": 1.0, "c.manners": manners}
     with pytest.raises(HarnessError, match=told):
         coupled(dict.fromkeys("abc", box), wires, parameters, stop=0.2, order=order)
 
 
-def test_a_warning_at_the_start_is_passed_on_and_refuses_nothing(fmu, caplog) -> None:
-    box = fmu("affine", depends=THROUGH)
+def test_a_warning_at_the_start_is_passed_on_and_refuses_nothing(small_fmu, caplog) -> None:
+    box = small_fmu("affine", depends=THROUGH)
     with caplog.at_level(logging.WARNING):
         run = coupled({"a": box, "b": box}, [], {"a.manners": WARNS, "a.a00": 2.5, "a.b0": 4.0}, stop=0.1, record=["a.y0"])
     assert run["a.y0"].values.tolist() == [4.0, 4.0]

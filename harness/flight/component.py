@@ -68,7 +68,7 @@ class Component:
         """A new instance, in the place of the one that is there."""
         self._free()
         try:
-            self._slave.instantiate(callbacks=self._messages.callbacks, loggingOn=True)
+            self._slave.instantiate(callbacks=self._messages.callbacks(), loggingOn=True)
         except Exception as error:  # noqa: BLE001 - FMPy raises plain Exception when the FMU returns no instance
             raise HarnessError(f"{self.path}: cannot be instantiated: {self.take_messages() or error}") from None
 

@@ -23,20 +23,24 @@ _open: dict[int, "Messages"] = {}
 
 
 class Messages:
-    """Warnings and errors of one FMU whose instances have the name `name`; `callbacks` are FMI's, for its instantiation."""
+    """Warnings and errors of one FMU whose instances have the name `name`."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self._kept: dict[str, None] = {}
         self._number = next(_numbers)
         _open[self._number] = self
-        self.callbacks = fmi2.fmi2CallbackFunctions()
-        self.callbacks.logger = _logger
-        self.callbacks.allocateMemory = _allocate
-        self.callbacks.freeMemory = _free
-        self.callbacks.componentEnvironment = self._number
+        self._callbacks = fmi2.fmi2CallbackFunctions()
+        self._callbacks.allocateMemory = _allocate
+        self._callbacks.freeMemory = _free
+        self._callbacks.componentEnvironment = self._number
+
+    def callbacks(self) -> Any:
+        """For a new instance; they must live as long as it. The proxy is ours again, whoever has had it since."""
+        self._callbacks.logger = _logger
         if addLoggerProxy:
-            addLoggerProxy(byref(self.callbacks))
+            addLoggerProxy(byref(self._callbacks))
+        return self._callbacks
 
     def keep(self, message: str) -> None:
         """Keep a message, as one line; nothing if it is known, or if too many are."""

@@ -1,4 +1,4 @@
-/* Small FMUs of one library; the GUID says which. Value references count per type.
+/* Small FMUs of one library; the GUID says which, and after a colon its manners. Value references count per type.
 
    affine   y[i] = sum over j of A[i][j]*u[j] + b[i], at once: Reals y 0..1, u 2..3, A 4..7 (by rows), b 8..9
    cosine   y[0] = cos(u[0])
@@ -6,8 +6,9 @@
    clock    y[0] = the time that fmi2DoStep has last reached, y[1] = the sum of its steps
    mirror   Integer 0 = Integer 1 + 1, 3 (an Enumeration) = 4, Boolean 0 = not Boolean 1, String 0 = String 1 and "!",
             y[0] = the length of String 1
+   twin     y[0] = u[0]
 
-   Integer 2 has a bit for each thing that it does otherwise: */
+   The manners are the GUID's or Integer 2, a bit for each thing that is done otherwise: */
 enum { WARNS = 1, NO_RESET = 2, FALSE_RESET = 4, NEEDS_STOP = 8, REFUSES_INPUT = 16, REFUSES_OUTPUT = 32, EXITS = 64,
        REFUSES_STEP = 128, EQUAL_STEPS = 256 };
 
@@ -19,7 +20,7 @@ enum { WARNS = 1, NO_RESET = 2, FALSE_RESET = 4, NEEDS_STOP = 8, REFUSES_INPUT =
 
 typedef struct {
     double r[10], time, sum, first, x, v;
-    int i[5], b[2], running, told_stop;
+    int i[5], b[2], running, told_stop, manners;
     char s[2][8192], kind[16], name[64];
     const fmi2CallbackFunctions *host;
 } Small;
@@ -33,13 +34,14 @@ static void begin(Small *m) {
     m->running = m->told_stop = 0;
 }
 #define TELL(status, ...) (m->host->logger(m->host->componentEnvironment, m->name, status, "log", __VA_ARGS__), status)
-#define DOES(way) (m->i[2] & (way))
+#define DOES(way) ((m->i[2] | m->manners) & (way))
 #define IS(which) (!strcmp(m->kind, which))
 
 static void compute(Small *m) {
     double *y = m->r, *u = m->r + 2, *A = m->r + 4, *b = m->r + 8;
     if (IS("affine"))
         for (int i = 0; i < 2; i++) y[i] = A[2 * i] * u[0] + A[2 * i + 1] * u[1] + b[i];
+    if (IS("twin")) y[0] = u[0];
     if (IS("cosine")) y[0] = cos(u[0]);
     if (IS("mass")) y[0] = m->running ? m->x : b[0], y[1] = m->running ? m->v : b[1];
     if (IS("clock")) y[0] = m->time, y[1] = m->sum;
@@ -60,7 +62,9 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                               const fmi2CallbackFunctions *host, fmi2Boolean visible, fmi2Boolean logging) {
     (void)type, (void)resources, (void)visible, (void)logging;
     Small *m = calloc(1, sizeof(Small));
-    strncpy(m->kind, guid, sizeof m->kind - 1);
+    const char *colon = strchr(guid, ':');
+    strncpy(m->kind, guid, colon ? (size_t)(colon - guid) : sizeof m->kind - 1);
+    m->manners = colon ? atoi(colon + 1) : 0;
     strncpy(m->name, name, sizeof m->name - 1);
     m->host = host;
     return m;
