@@ -12,8 +12,8 @@ import fmpy
 from ema_fmu_src import ports
 
 SOURCE = Path(__file__).parent / "c" / "small.c"
-WARNS, NO_RESET, FALSE_RESET, NEEDS_STOP, REFUSES_INPUT, REFUSES_OUTPUT, EXITS, REFUSES_STEP, EQUAL_STEPS = (
-    2**bit for bit in range(9)
+WARNS, NO_RESET, FALSE_RESET, NEEDS_STOP, REFUSES_INPUT, REFUSES_OUTPUT, EXITS, REFUSES_STEP, EQUAL_STEPS, SLOW = (
+    2**bit for bit in range(10)
 )
 """Manners, as in c/small.c."""
 ITEMS = ("off", "slow", "fast")

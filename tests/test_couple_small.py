@@ -2,12 +2,16 @@
 
 import logging
 import math
+import signal
+import threading
+import time
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 import xarray as xr
-from small import EQUAL_STEPS, NEEDS_STOP, REFUSES_INPUT, REFUSES_OUTPUT, REFUSES_STEP, WARNS
+from small import EQUAL_STEPS, NEEDS_STOP, REFUSES_INPUT, REFUSES_OUTPUT, REFUSES_STEP, SLOW, WARNS
 
 from harness.errors import HarnessError
 from harness.flight.couple import Connection, System, fly
@@ -169,6 +173,29 @@ def test_a_factor_is_for_reals(small_fmu) -> None:
 
 
 @pytest.mark.parametrize(
+    "components, inputs, told",
+    [
+        ([], {}, "one component at least"),
+        (["a.b"], {}, r"component 'a\.b': a name without a dot"),
+        (["a"], {"a.u0": ["high"]}, r"a\.u0: an array of numbers is needed"),
+    ],
+)
+def test_what_is_no_system_is_refused(small_fmu, components, inputs, told) -> None:
+    with pytest.raises(HarnessError, match=told):
+        coupled(dict.fromkeys(components, small_fmu("affine")), [], {}, stop=0.1, inputs=inputs)
+
+
+def test_ctrl_c_ends_a_coupled_run_soon(small_fmu) -> None:
+    """100 s of an FMU that takes 1 ms a step; the interrupt comes in its midst."""
+    timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
+    began = time.monotonic()
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        coupled({"c": small_fmu("clock")}, [], {"c.manners": SLOW}, stop=1e4)
+    assert time.monotonic() - began < 20.0
+
+
+@pytest.mark.parametrize(
     "name, value, told",
     [
         ("text_in", 3.0, "a text is needed"),
@@ -195,8 +222,10 @@ def test_a_string_that_is_too_long_is_refused_by_name(small_fmu) -> None:
 
 @pytest.mark.parametrize("stop, points", [(0.25, [0.0, 0.1, 0.2, 0.25]), (0.3, [0.0, 0.1, 0.2, 0.3]), (0.07, [0.0, 0.07])])
 def test_the_last_step_reaches_the_stop_time(small_fmu, stop, points) -> None:
-    """As other importers do (FMPy 0.3): a shorter last step where the FMU takes one."""
+    """As FMPy does: a shorter last step where the FMU takes one."""
     clock = small_fmu("clock")
+    theirs = fmpy.simulate_fmu(str(clock), stop_time=stop, output_interval=0.1, output=["y1"], validate=False)
+    np.testing.assert_allclose(theirs["time"], points, rtol=1e-15)
     run = coupled({"c": clock}, [], {"c.manners": NEEDS_STOP}, stop=stop, record=["c.y0", "c.y1"])
     np.testing.assert_allclose(run.time, points, rtol=1e-15)
     assert float(run.time[-1]) == float(run["c.y0"][-1]) == pytest.approx(stop, rel=1e-15)

@@ -119,8 +119,9 @@ class Component:
         return int(variable.valueReference)
 
     def read(self, name: str) -> float:
-        """The present value of the Real variable `name`."""
-        return float(self._slave.getReal([self.value_reference(name)])[0])
+        """The present value of the Real variable `name`; HarnessError as from `value_reference` and `get`."""
+        self.value_reference(name)
+        return float(self.get(name))
 
     def get(self, name: str) -> Value:
         """The present value of the variable `name` of whatever kind; HarnessError if the FMU refuses it."""

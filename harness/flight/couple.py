@@ -22,7 +22,7 @@ from harness.flight.calls import CALLS, addresses, instance_address, status_name
 from harness.flight.component import Component, Value
 from harness.flight.initialize import settle
 from harness.flight.interrupt import deferred
-from harness.flight.wiring import Connection, Places, check, check_series
+from harness.flight.wiring import Connection, Places, as_series, check, check_names, check_series
 
 __all__ = ["Connection", "System", "fly"]
 
@@ -64,10 +64,11 @@ def fly(
     if order not in ("jacobi", "gauss-seidel"):
         raise HarnessError(f"order {order}: jacobi or gauss-seidel is needed")
     times = _times(stop, step)
-    given = {name: np.asarray(series, dtype=np.float64) for name, series in (inputs or {}).items()}
+    given = {name: as_series(name, series) for name, series in (inputs or {}).items()}
+    check_names(system.components)
     with ExitStack() as stack:
         interrupted = stack.enter_context(deferred())
-        opened = {name: stack.enter_context(Component(path)) for name, path in system.components.items()}
+        opened = {name: stack.enter_context(Component(Path(path))) for name, path in system.components.items()}
         places = Places(opened)
         _check_steps(opened, times, step)
         connections = sorted(system.connections, key=lambda each: places.place(each.target))

@@ -104,6 +104,24 @@ def _check_settable(places: Places, name: str) -> None:
         )
 
 
+def check_names(components: Iterable[str]) -> None:
+    """HarnessError if there is no component, or one whose variables cannot be named."""
+    names = list(components)
+    if not names:
+        raise HarnessError("a system needs one component at least")
+    for name in names:
+        if not name or "." in name:
+            raise HarnessError(f"component '{name}': a name without a dot is needed, as in COMPONENT.VARIABLE")
+
+
+def as_series(name: str, series: Any) -> NDArray[np.float64]:
+    """Values as an array; HarnessError if they are no numbers."""
+    try:
+        return np.asarray(series, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise HarnessError(f"{name}: an array of numbers is needed, one a step") from None
+
+
 def check_series(places: Places, name: str, series: NDArray[np.float64], n_steps: int) -> None:
     """HarnessError unless `series` has a value for each step, of the variable's type."""
     kind = places.variable(name).type

@@ -10,11 +10,12 @@
 
    The manners are the GUID's or Integer 2, a bit for each thing that is done otherwise: */
 enum { WARNS = 1, NO_RESET = 2, FALSE_RESET = 4, NEEDS_STOP = 8, REFUSES_INPUT = 16, REFUSES_OUTPUT = 32, EXITS = 64,
-       REFUSES_STEP = 128, EQUAL_STEPS = 256 };
+       REFUSES_STEP = 128, EQUAL_STEPS = 256, SLOW = 512 };
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "fmi2Functions.h"
 
@@ -149,6 +150,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     Small *m = c;
     (void)no_set_state_prior;
     if (DOES(EXITS)) exit(0);
+    if (DOES(SLOW)) nanosleep(&(struct timespec){0, 1000000}, NULL);
     if (DOES(REFUSES_STEP)) return TELL(fmi2Error, "step of %g s refused", step);
     if (m->first == 0) m->first = step;
     if (DOES(EQUAL_STEPS) && fabs(step - m->first) > 1e-9 * m->first) return fmi2Discard;
