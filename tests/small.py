@@ -60,11 +60,13 @@ def build(
     *,
     manners: int = 0,
     depends: dict[str, Sequence[str]] | None = None,
+    later: dict[str, Sequence[str]] | None = None,
     variable_steps: bool = True,
 ) -> Path:
     """The FMU of a `kind` that c/small.c knows, in `folder`.
 
-    `depends`: on which inputs outputs depend at the start, as the FMU declares it; nothing is declared where None.
+    `depends`: on which inputs outputs depend at the start, as the FMU declares it, and `later` in steps; nothing is declared
+    where None.
     """
     variables = {"mirror": MIRROR, "twin": TWIN}.get(kind, OTHERS)
     place = {name: str(number) for number, (_, name, _, _) in enumerate(variables, 1)}
@@ -79,19 +81,19 @@ def build(
             f"<{type_}{declared}{start}/></ScalarVariable>"
         )
     outputs = [name for _, name, causality, _ in variables if causality == "output"]
-    unknowns = "".join(
-        f'<Unknown index="{place[name]}"'
-        + ("/>" if depends is None else f' dependencies="{" ".join(place[each] for each in depends.get(name, ()))}"/>')
-        for name in outputs
-    )
+
+    def unknowns(given: dict[str, Sequence[str]] | None) -> str:
+        known = {name: " ".join(place[each] for each in (given or {}).get(name, ())) for name in outputs}
+        told = {name: "" if given is None else f' dependencies="{known[name]}"' for name in outputs}
+        return "".join(f'<Unknown index="{place[name]}"{told[name]}/>' for name in outputs)
+
     items = "".join(f'<Item name="{name}" value="{value}"/>' for value, name in enumerate(ITEMS, 1))
     description = f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="{kind}" guid="{kind}:{manners}">
 <CoSimulation modelIdentifier="small" canHandleVariableCommunicationStepSize="{str(variable_steps).lower()}"/>
 <TypeDefinitions><SimpleType name="Mode"><Enumeration>{items}</Enumeration></SimpleType></TypeDefinitions>
 <ModelVariables>{"".join(lines)}</ModelVariables>
-<ModelStructure><Outputs>{"".join(f'<Unknown index="{place[name]}"/>' for name in outputs)}</Outputs>
-<InitialUnknowns>{unknowns}</InitialUnknowns></ModelStructure>
+<ModelStructure><Outputs>{unknowns(later)}</Outputs><InitialUnknowns>{unknowns(depends)}</InitialUnknowns></ModelStructure>
 </fmiModelDescription>"""
     path = folder / f"{kind}.fmu"
     with zipfile.ZipFile(path, "w") as archive:

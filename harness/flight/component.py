@@ -16,7 +16,7 @@ from fmpy.fmi2 import FMU2Slave
 
 from harness.errors import HarnessError
 from harness.flight import fmufile
-from harness.flight.messages import Messages
+from harness.flight.messages import MOST, Messages
 
 FUNCTIONS = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean", "String": "String"}
 """The kinds of variables, and the kind by whose FMI functions each is set and got (FMI 2.0, section 2.1.7)."""
@@ -84,7 +84,7 @@ class Component:
     def pass_on(self, text: str = "") -> None:
         """Pass on `text`, else what the FMU has logged though all went well, if it is new."""
         text = text or self.take_messages()
-        if text and text not in self._told:
+        if text and text not in self._told and len(self._told) < MOST:
             self._told.add(text)
             remarks.warning("%s: %s", self.path.name, text)
 

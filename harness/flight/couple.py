@@ -139,7 +139,7 @@ def _begin(
     for name, series in given.items():
         if len(series):
             places.component(name).set(places.split(name)[1], float(series[0]))
-    settle(opened, places, connections)
+    settle(opened, places, connections, flown=stop > 0.0)
     return [component.leave() for component in opened.values()]
 
 

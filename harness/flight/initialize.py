@@ -19,6 +19,8 @@ from harness.errors import HarnessError
 from harness.flight.component import Component, Value
 from harness.flight.wiring import Connection, Places
 
+Array = NDArray[np.float64]
+
 TOLERANCE = 1e-9
 """Largest difference between the two ends of a connection in a loop, over the larger of value and nominal value."""
 LEAST_DISTANCE = 1e-5
@@ -27,19 +29,27 @@ SWEEPS = 200
 """Most rounds through a loop with other than Real variables, which only repetition can solve."""
 
 
-def settle(opened: Mapping[str, Component], places: Places, connections: Sequence[Connection]) -> None:
+def settle(opened: Mapping[str, Component], places: Places, connections: Sequence[Connection], *, flown: bool) -> None:
     """Set every connected input to what its output is; all FMUs are in initialization mode, other inputs are set.
 
-    HarnessError if a loop has no solution near the start values, or none that is found; with its variables' names.
+    HarnessError if a loop has no solution near the start values, or none that is found; with its variables' names. Also, if
+    steps will be `flown`, for a loop that is still one in steps (ModelStructure's Outputs) and amplifies: exchanged once a
+    step, its values would grow without end.
     """
     wires = [_Wire(opened, places, each) for each in connections]
-    for group, loop in _groups(_dependencies(opened, places, connections)):
+    later = _dependencies(opened, places, connections, "outputs")
+    for group, loop in _groups(_dependencies(opened, places, connections, "initialUnknowns")):
         if loop:
-            _solve([wires[j] for j in group])
+            _solve(members := [wires[j] for j in group])
+            stays = any(again for _, again in _groups([[group.index(i) for i in later[j] if i in group] for j in group]))
+            if flown and stays and all(wire.continuous for wire in members):
+                _check_gain(members)
         elif isinstance(value := wires[group[0]].carry(), float) and not np.isfinite(value):
             raise HarnessError(f"{wires[group[0]]}: the value is {value} at the start, no finite number")
     if any(wire.error(wire.arriving(), wire.standing) > TOLERANCE for wire in wires):
         _solve(wires)  # an FMU depends on more than it says
+        if flown and all(wire.continuous for wire in wires):
+            _check_gain(wires)
 
 
 class _Wire:
@@ -91,23 +101,30 @@ def _nominal(places: Places, name: str) -> float:
         return 1.0
 
 
-def _dependencies(opened: Mapping[str, Component], places: Places, connections: Sequence[Connection]) -> list[list[int]]:
-    """For each connection, the connections that its source depends on."""
+def _dependencies(
+    opened: Mapping[str, Component], places: Places, connections: Sequence[Connection], part: str
+) -> list[list[int]]:
+    """For each connection, the connections that its source depends on, by that part of the FMUs' ModelStructure."""
     ends = [places.split(each.target) for each in connections]
     return [
-        [j for j, (component, variable) in enumerate(ends) if component == own and _depends(opened[own], source, variable)]
+        [
+            j
+            for j, (component, variable) in enumerate(ends)
+            if component == own and _depends(opened[own], source, variable, part)
+        ]
         for own, source in (places.split(each.source) for each in connections)
     ]
 
 
-def _depends(component: Component, output: str, name: str) -> bool:
-    """Whether `output` may depend on the variable `name` of the same FMU at the start."""
+def _depends(component: Component, output: str, name: str, part: str) -> bool:
+    """Whether `output` may depend on the variable `name` of the same FMU, by that part of its ModelStructure."""
     variable = component.variables[output]
     if variable.causality == "input":
         return output == name
-    if variable.causality == "parameter" or variable.variability == "constant" or variable.initial == "exact":
+    exact = variable.initial == "exact" and part == "initialUnknowns"
+    if variable.causality == "parameter" or variable.variability == "constant" or exact:
         return False
-    for unknown in component.description.initialUnknowns:
+    for unknown in getattr(component.description, part):
         if unknown.variable is variable and unknown.dependencies is not None:
             return any(each.name == name for each in unknown.dependencies)
     return True
@@ -137,39 +154,59 @@ def _solve(loop: Sequence[_Wire]) -> None:
         before, values = values, [wire.carry() for wire in loop]
         if values == before and all(isinstance(value, str) or np.isfinite(value) for value in values):
             return
-    distance = float("inf")
-    if continuous:
-        distance = _hybrid(loop, np.array(first, dtype=np.float64))
+    found = _hybrid(loop, np.array(first, dtype=np.float64)) if continuous else np.empty(0)
     errors = [wire.error(wire.arriving(), wire.standing) for wire in loop]
     worst = int(np.argmax(errors))
-    told = f"the loop of connections {'; '.join(map(str, loop))}: no values were found that fit at the start"
+    told = f"{_told(loop)}: no values were found that fit at the start"
     if errors[worst] > TOLERANCE:
         raise HarnessError(
             f"{told}; the ends of {loop[worst]} differ by {errors[worst]:.2g} of the value, {TOLERANCE:g} is allowed. "
             "Other start values of these variables may help"
         )
-    if distance < LEAST_DISTANCE:
+    if continuous and np.abs(_gains(loop, found) - 1.0).min() < LEAST_DISTANCE:  # far away, differences vanish in rounding
         raise HarnessError(f"{told}; the gain around it is 1, which determines none")
 
 
-def _hybrid(loop: Sequence[_Wire], start: NDArray[np.float64]) -> float:
-    """Leave the inputs at the nearest solution; how far the gains around the loop are from 1 there.
+def _told(loop: Sequence[_Wire]) -> str:
+    return f"the loop of connections {'; '.join(map(str, loop))}"
 
-    The gains are the eigenvalues of the derivatives of what arrives by what is put, whatever the units are. At a gain of 1
-    the loop determines no values, and far away their difference vanishes in rounding.
-    """
 
-    def arriving(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        for wire, value in zip(loop, values, strict=True):
-            wire.put(float(value))
-        return np.array([wire.arriving() for wire in loop], dtype=np.float64)
+def _arriving(loop: Sequence[_Wire], values: Array) -> Array:
+    """What arrives when `values` are put."""
+    for wire, value in zip(loop, values, strict=True):
+        wire.put(float(value))
+    return np.array([wire.arriving() for wire in loop], dtype=np.float64)
 
+
+def _hybrid(loop: Sequence[_Wire], start: Array) -> Array:
+    """The solution that is nearest, which the inputs are left at."""
     if not np.isfinite(start).all():
         start = np.zeros(len(loop))
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-        found = root(lambda values: arriving(values) - values, start, method="hybr", options={"xtol": 1e-13}).x
-    there = arriving(found)
-    steps = 1e-7 * np.maximum(np.abs(found), [wire.nominal for wire in loop])
-    slopes = np.column_stack([(arriving(found + step) - there) / step.sum() for step in np.diag(steps)])
-    arriving(found)
-    return float(np.abs(np.linalg.eigvals(slopes) - 1.0).min()) if np.isfinite(slopes).all() else 0.0
+        found = root(lambda values: _arriving(loop, values) - values, start, method="hybr", options={"xtol": 1e-13}).x
+    _arriving(loop, found)
+    return np.asarray(found, dtype=np.float64)
+
+
+def _gains(loop: Sequence[_Wire], values: Array) -> NDArray[np.complex128]:
+    """The gains around the loop at `values`, which the inputs are left at.
+
+    They are the eigenvalues of the derivatives of what arrives by what is put, whatever the units are; 1 where those cannot
+    be had.
+    """
+    there = _arriving(loop, values)
+    steps = 1e-7 * np.maximum(np.abs(values), [wire.nominal for wire in loop])
+    slopes = np.column_stack([(_arriving(loop, values + step) - there) / step.sum() for step in np.diag(steps)])
+    _arriving(loop, values)
+    finite = np.isfinite(slopes).all()
+    return np.asarray(np.linalg.eigvals(slopes) if finite else np.ones(len(loop)), dtype=np.complex128)
+
+
+def _check_gain(loop: Sequence[_Wire]) -> None:
+    """HarnessError if a difference grows on the way around."""
+    gain = float(np.abs(_gains(loop, np.array([wire.standing for wire in loop], dtype=np.float64))).max())
+    if gain >= 1.0 - LEAST_DISTANCE:
+        raise HarnessError(
+            f"{_told(loop)}: its gain is {gain:.3g}; exchanged once a step, values grow without end from 1 on. "
+            "Delay one of them, or make its FMUs one"
+        )

@@ -79,11 +79,9 @@ def check(places: Places, connections: Sequence[Connection], fed: Iterable[str])
         source, target = places.variable(each.source), places.variable(each.target)
         _check_settable(places, each.target)
         if source.type != target.type and (source.type, target.type) not in FITTING:
-            raise HarnessError(f"{each}: a {source.type} cannot become a {target.type}")
+            raise HarnessError(f"{each}: {source.type} cannot become {target.type}")
         if not np.isfinite(each.factor) or (each.factor != 1.0 and target.type != "Real"):
-            raise HarnessError(
-                f"{each}: factor {each.factor:g}: only 1 is possible for a {target.type}, a finite one for a Real"
-            )
+            raise HarnessError(f"{each}: factor {each.factor:g}: a finite one is possible into Real, only 1 into others")
         _claim(places, comes, each.target, each.source)
 
 
