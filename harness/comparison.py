@@ -54,7 +54,7 @@ def compare(
 
     `names` are those of candidate and reference. A candidate on other times is interpolated linearly. The tube's half
     width is `tube` times the reference's range, plus `absolute` in the variable's unit. HarnessError if the runs have no
-    time in common, or if either holds a value that is not finite.
+    time or no output in common, or if either holds a value that is not finite.
     """
     start = max(float(candidate.time[0]), float(reference.time[0]))
     stop = min(float(candidate.time[-1]), float(reference.time[-1]))
@@ -90,6 +90,8 @@ def compare(
                 float(np.mean(difference > tube * spread + absolute)),
             )
         )
+    if not comparisons:
+        raise HarnessError(f"{names[0]} and {names[1]} have no output in common: nothing to compare")
     return comparisons
 
 

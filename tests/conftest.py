@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import small
 from filelock import FileLock
 from fmi import Instance
 
@@ -49,6 +50,13 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def python_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The same with the python runtime."""
     return _built_once(tmp_path_factory, "python")
+
+
+@pytest.fixture(scope="session")
+def small_fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Builds a small FMU of some kind, as `small.build`; the library is compiled once."""
+    library = small.library(tmp_path_factory.mktemp("small"))
+    return lambda kind, **options: small.build(library, tmp_path_factory.mktemp(kind), kind, **options)
 
 
 @pytest.fixture(params=RUNTIMES)

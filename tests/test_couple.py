@@ -95,7 +95,7 @@ def test_an_enumeration_is_set_by_value_or_by_name(fmus) -> None:
 @pytest.mark.parametrize(
     "change, told",
     [
-        ({"record": ["ema.angle"]}, "has no Real variable 'angle'"),
+        ({"record": ["ema.angle"]}, "unknown variable of ema 'angle'"),
         ({"record": ["position"]}, "COMPONENT.VARIABLE is needed"),
         ({"record": ["motor.position"]}, "with a component of ema, load"),
         ({"order": "newton"}, "jacobi or gauss-seidel"),

@@ -75,6 +75,11 @@ def test_no_common_time_and_infinite_values_are_refused() -> None:
         _one(broken, TIME)
 
 
+def test_no_common_output_is_refused() -> None:
+    with pytest.raises(HarnessError, match="candidate and reference have no output in common"):
+        compare(_run(TIME, command=TIME, position=TIME), _run(TIME, command=TIME, motor_speed=TIME), names=NAMES)
+
+
 def test_only_common_variables_and_never_the_command() -> None:
     found = _run(TIME, position=TIME, command=TIME, motor_speed=TIME)
     expected = _run(TIME, position=TIME, command=TIME, back_emf_a=TIME)

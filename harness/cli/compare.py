@@ -10,10 +10,10 @@ from harness.cli.terminal import show
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from harness.comparison import Comparison
-    from harness.trials import Trial
+
+LONGEST = 86400.0
+"""A run may take [s]: a day, as Ctrl-C ends it before."""
 
 
 def compare(
@@ -26,12 +26,15 @@ def compare(
     tube: Annotated[float, typer.Option(help="Half width of the tolerance tube, fraction of the range.")] = 0.01,
     json_file: JsonFile = None,
 ) -> None:
-    """Compare any FMU that has the ports with a reference FMU, variable by variable."""
+    """Compare any FMU that has the ports with a reference FMU, variable by variable.
+
+    Each flies in a process of its own, so that one that ends its process is told apart from one that has been compared.
+    """
     from harness.comparison import compare as compare_runs
     from harness.comparison import percent, summary
     from harness.files import results
-    from harness.flight.interrupt import deferred
-    from harness.flight.twin import Twin
+    from harness.flight import fmufile
+    from harness.flight.isolate import Isolated
     from harness.parameters import parse_settings
 
     flown = chosen_trials(trial, trial_file, columns=columns)
@@ -40,15 +43,10 @@ def compare(
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
     if json_file:
         results.prepare_file(json_file)
-    with deferred() as interrupted, Twin(candidate) as twin, Twin(reference) as other:
-
-        def fly(each: Twin, item: "Trial") -> "xr.Dataset":
-            run = each.run(item, parameters, on_progress=lambda done: interrupted())
-            if interrupted():
-                raise KeyboardInterrupt
-            return run
-
-        pairs = [(fly(twin, item), fly(other, item)) for item in flown]
+    for path in (candidate, reference):
+        fmufile.require_ports(path, fmufile.describe(path))
+    with Isolated(candidate, time_limit=LONGEST) as twin, Isolated(reference, time_limit=LONGEST) as other:
+        pairs = [(twin.run(item, parameters), other.run(item, parameters)) for item in flown]
     names = (candidate.stem, reference.stem)
     comparisons: list[Comparison] = []
     for found, expected in pairs:

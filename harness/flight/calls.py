@@ -8,8 +8,9 @@ from numba import types
 from numba.extending import intrinsic
 
 CALLS = ("fmi2SetReal", "fmi2SetRealInputDerivatives", "fmi2SetInteger", "fmi2SetBoolean", "fmi2DoStep",
-         "fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean")  # fmt: skip
-SET_REAL, SET_SLOPE, SET_INTEGER, SET_BOOLEAN, DO_STEP, GET_REAL, GET_INTEGER, GET_BOOLEAN = range(len(CALLS))
+         "fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean", "fmi2SetString", "fmi2GetString")  # fmt: skip
+(SET_REAL, SET_SLOPE, SET_INTEGER, SET_BOOLEAN, DO_STEP,
+ GET_REAL, GET_INTEGER, GET_BOOLEAN, SET_STRING, GET_STRING) = range(len(CALLS))  # fmt: skip
 """Places in CALLS."""
 STATUSES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 WARNING = 1
@@ -61,3 +62,13 @@ def call_slopes(typing_context, address, component, value_references, n, orders,
 def call_step(typing_context, address, component, time, size, no_set_state_prior):  # type: ignore[no-untyped-def]
     """fmi2DoStep(component, currentCommunicationPoint, communicationStepSize, noSetFMUStatePriorToCurrentPoint)."""
     return types.int32(types.intp, types.intp, types.float64, types.float64, types.int32), _call
+
+
+@intrinsic
+def byte_at(typing_context, address):  # type: ignore[no-untyped-def]
+    """The byte at an address."""
+
+    def load(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.load(builder.inttoptr(values[0], ir.IntType(8).as_pointer()))
+
+    return types.uint8(types.intp), load

@@ -1,5 +1,7 @@
-"""An open FMU of any make: one instance, reused by reset."""
+"""An open FMU of any make: a new instance for each run."""
 
+import logging
+import math
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -7,19 +9,28 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import fmpy.fmi2
+import fmpy
 from fmpy import supported_platforms
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
 from harness.errors import HarnessError
 from harness.flight import fmufile
+from harness.flight.messages import MOST, Messages
+
+FUNCTIONS = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean", "String": "String"}
+"""The kinds of variables, and the kind by whose FMI functions each is set and got (FMI 2.0, section 2.1.7)."""
+Value = float | str
+"""Of a variable: a number of whatever kind, a text for a String, or the name of an item of an Enumeration."""
+remarks = logging.getLogger(__name__)
+"""Takes what FMUs warn of; it goes to stderr unless the host of the library sends it elsewhere."""
 
 
 class Component:
     """An FMI 2.0 co-simulation FMU; a context manager.
 
-    HarnessError if the FMU cannot be opened, or if it refuses a value (with the FMU's own message).
+    HarnessError if the FMU cannot be opened, or if it refuses a value (with the FMU's own message). Warnings that it logs
+    are passed on by `logging`, each once.
     """
 
     def __init__(self, path: Path) -> None:
@@ -27,22 +38,24 @@ class Component:
         self.description = fmufile.describe(path)
         self.fmu_hash = fmufile.content_hash(path)
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
-        self._messages: list[str] = []
         self._folder = Path(tempfile.mkdtemp(prefix="ema_fmu_"))
+        self._messages = Messages(path.stem)
+        self._told: set[str] = set()
         self._slave: Any = None
         self._begun = False
         try:
             fmufile.unpack(path, self._folder)
             if fmpy.platform not in supported_platforms(str(path)):
                 raise HarnessError(f"{path}: holds no binary for this platform, {fmpy.platform}")
-            self._slave = self._instantiate()
+            self._slave = self._load()
+            self._instantiate()
         except BaseException:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            self.close()
             raise
 
-    def _instantiate(self) -> Any:
+    def _load(self) -> Any:
         try:
-            slave = FMU2Slave(
+            return FMU2Slave(
                 guid=self.description.guid,
                 unzipDirectory=str(self._folder),
                 modelIdentifier=self.description.coSimulation.modelIdentifier,
@@ -51,26 +64,29 @@ class Component:
         except Exception as error:  # noqa: BLE001 - FMPy lets through whatever the loader raises
             raise HarnessError(f"{self.path}: its library cannot be loaded: {error}") from None
 
-        def collect(environment: Any, instance: bytes, status: int, category: bytes, message: bytes, *_: Any) -> None:
-            if status > 0 and message:
-                self._messages.append(message.decode(errors="replace"))
-
-        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(collect)
-        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-        self._callbacks = callbacks  # the FMU keeps a pointer to them
+    def _instantiate(self) -> None:
+        """A new instance, in the place of the one that is there."""
+        self._free()
         try:
-            slave.instantiate(callbacks=callbacks, loggingOn=True)
+            self._slave.instantiate(callbacks=self._messages.callbacks(), loggingOn=True)
         except Exception as error:  # noqa: BLE001 - FMPy raises plain Exception when the FMU returns no instance
             raise HarnessError(f"{self.path}: cannot be instantiated: {self.take_messages() or error}") from None
-        return slave
+
+    def _free(self) -> None:
+        if getattr(self._slave, "component", None):
+            instance, self._slave.component = self._slave.component, None
+            self._slave.fmi2FreeInstance(instance)
 
     def take_messages(self) -> str:
         """What the FMU has logged since the last call, as one line; the next call does not have it again."""
-        text = "; ".join(" ".join(message.split()) for message in dict.fromkeys(self._messages))
-        self._messages.clear()
-        return text
+        return self._messages.take()
+
+    def pass_on(self, text: str = "") -> None:
+        """Pass on `text`, else what the FMU has logged though all went well, if it is new."""
+        text = text or self.take_messages()
+        if text and text not in self._told and len(self._told) < MOST:
+            self._told.add(text)
+            remarks.warning("%s: %s", self.path.name, text)
 
     def __enter__(self) -> Self:
         return self
@@ -80,12 +96,20 @@ class Component:
 
     def close(self) -> None:
         """Free the instance and its unpacked files; a second call does nothing."""
-        if self._slave is not None:
-            slave, self._slave = self._slave, None
-            try:
-                slave.freeInstance()
-            finally:
-                shutil.rmtree(self._folder, ignore_errors=True)
+        try:
+            if self._slave is not None:
+                self._free()
+                self._slave.freeLibrary()
+        finally:
+            self._slave = None
+            self._messages.close()
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def variable(self, name: str) -> Any:
+        """FMPy's description of the variable `name`; HarnessError if there is none."""
+        if name not in self.variables:
+            raise HarnessError(f"{self.path}: has no variable '{name}'")
+        return self.variables[name]
 
     def value_reference(self, name: str, kind: str = "Real") -> int:
         """Value reference of the variable `name`; HarnessError if there is none, or if its type is not `kind`."""
@@ -95,50 +119,88 @@ class Component:
         return int(variable.valueReference)
 
     def read(self, name: str) -> float:
-        """The present value of the Real variable `name`."""
-        return float(self._slave.getReal([self.value_reference(name)])[0])
+        """The present value of the Real variable `name`; HarnessError as from `value_reference` and `get`."""
+        self.value_reference(name)
+        return float(self.get(name))
 
-    def begin(self, parameters: Mapping[str, float | str], inputs: Mapping[str, float], *, start: float = 0.0) -> Any:
-        """Reset, set `parameters` and `inputs` (name -> value in its unit), initialize at the time `start` [s].
+    def get(self, name: str) -> Value:
+        """The present value of the variable `name` of whatever kind; HarnessError if the FMU refuses it."""
+        variable = self.variable(name)
+        try:
+            (value,) = getattr(self._slave, f"get{FUNCTIONS[variable.type]}")([variable.valueReference])
+        except FMICallException as error:
+            raise HarnessError(f"{self.path.name}: {name} cannot be read: {self.take_messages() or error}") from None
+        return (value or b"").decode(errors="replace") if variable.type == "String" else value
 
-        The value of an Enumeration may also be the name of one of its items.
+    def set(self, name: str, value: Value) -> None:
+        """Set the variable `name`; HarnessError if the value is not of its kind, or if the FMU refuses it."""
+        variable = self.variable(name)
+        fitting = self._fitting(variable, value)
+        try:
+            getattr(self._slave, f"set{FUNCTIONS[variable.type]}")([variable.valueReference], [fitting])
+        except FMICallException as error:
+            raise HarnessError(f"{self.path.name}: {self.take_messages() or f'{name} = {value} refused: {error}'}") from None
+
+    def begin(
+        self, parameters: Mapping[str, Value], inputs: Mapping[str, Value], *, start: float = 0.0, stop: float | None = None
+    ) -> Any:
+        """A new instance with `parameters` and `inputs` (name -> value in its unit), initialized; times in s.
 
         Returns FMPy's slave, which has left initialization mode.
         """
+        self.enter(parameters, start=start, stop=stop)
+        for name, value in inputs.items():
+            self.set(name, value)
+        return self.leave()
+
+    def enter(self, parameters: Mapping[str, Value], *, start: float = 0.0, stop: float | None = None) -> Any:
+        """A new instance, `parameters` set, in initialization mode; FMPy's slave.
+
+        Not the last run's instance reset: whether a reset takes back everything cannot be seen from outside.
+        """
         if self._slave is None:
             raise HarnessError(f"{self.path}: already closed")
-        slave = self._slave
-        self._messages.clear()
+        self.take_messages()
         if self._begun:
-            slave.reset()
+            self._instantiate()
         self._begun = True
         try:
-            slave.setupExperiment(startTime=start)
+            self._slave.setupExperiment(startTime=start, stopTime=stop)
             for name, value in parameters.items():
-                self._set(name, value)
-            slave.enterInitializationMode()
-            for name, value in inputs.items():
-                self._set(name, value)
-            slave.exitInitializationMode()
+                self.set(name, value)
+            self._slave.enterInitializationMode()
         except FMICallException as error:
-            raise HarnessError(f"{self.path.name}: {self.take_messages() or error}") from None
-        if messages := self.take_messages():
-            raise HarnessError(f"{self.path.name}: {messages}")
-        return slave
+            raise self._refusal(error) from None
+        return self._slave
 
-    def _set(self, name: str, value: float | str) -> None:
-        variable = self.variables.get(name)
-        if variable is None:
-            raise HarnessError(f"{self.path}: has no variable '{name}'")
-        references = [variable.valueReference]
+    def leave(self) -> Any:
+        """Leave initialization mode; FMPy's slave."""
+        try:
+            self._slave.exitInitializationMode()
+        except FMICallException as error:
+            raise self._refusal(error) from None
+        self.pass_on()
+        return self._slave
+
+    def _refusal(self, error: FMICallException) -> HarnessError:
+        return HarnessError(f"{self.path.name}: {self.take_messages() or error}")
+
+    def _fitting(self, variable: Any, value: Value) -> Any:
+        """`value` as FMPy's setter of the variable's kind takes it; HarnessError if it is none of that kind."""
+        kind, wrong = variable.type, f"{self.path}: {variable.name} = {value!r}"
+        if kind == "String":
+            if not isinstance(value, str) or "\0" in value or any("\ud800" <= each <= "\udfff" for each in value):
+                raise HarnessError(f"{wrong}: a text is needed, in Unicode and without the character 0")
+            return value
         if isinstance(value, str):
             value = self._item(variable, value)
-        if variable.type == "Boolean":
-            self._slave.setBoolean(references, [bool(value)])
-        elif variable.type in ("Integer", "Enumeration"):
-            self._slave.setInteger(references, [int(value)])
-        else:
-            self._slave.setReal(references, [float(value)])
+        if kind == "Real":
+            return float(value)
+        if not math.isfinite(value) or int(value) != value or abs(value) >= 2**31:
+            raise HarnessError(f"{wrong}: a whole number is needed" if kind != "Boolean" else f"{wrong}: 0 or 1 is needed")
+        if kind == "Boolean" and value not in (0, 1):
+            raise HarnessError(f"{wrong}: 0 or 1 is needed")
+        return int(value)
 
     def _item(self, variable: Any, name: str) -> float:
         """The value of the item `name` of an Enumeration; HarnessError if it has none of that name."""

@@ -10,7 +10,7 @@ from ema_fmu_src import ports
 from harness.actuators.actuator import Output
 from harness.errors import HarnessError, unknown
 from harness.files.reader import read_table, stem
-from harness.logs.axes import axis_of, check_distance, check_rises
+from harness.logs.axes import Axis, axis_of, check_distance, check_rises
 from harness.logs.convert import inside
 from harness.logs.find import find, find_times, missing, require_rows
 from harness.logs.log import Between
@@ -20,6 +20,8 @@ from harness.trials import STEP, Trial, grid
 
 MOST_POINTS = 10_000_000
 """Of a trial from a file, 1000 s; a file that lasts longer most likely has its times in another unit."""
+ROUNDING = 1e-9
+"""A communication point that is less than this before a row [s] is at the row."""
 KNOWN = frozenset({"time", *(port.name for port in (*ports.INPUTS, *ports.OUTPUTS))})
 """Columns of a run's file: what is no input of them is left out when it is flown as a trial."""
 
@@ -33,10 +35,11 @@ def read_trial(
 
     `columns`: port -> `COLUMN [unit] words`, as for logs; else columns are taken by the ports' names. `output`: what moves
     at the user's side. `log`: an actuator's `[log]`; it holds for a file whose columns do not bear the names time and
-    command, and `columns` win over it. Between the rows the command is interpolated linearly onto the communication grid,
-    or held if its words say so. Columns that are a run's outputs are left out; others are refused, unless `columns` are
-    stated.
-    HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
+    command, and `columns` win over it. Between the rows inputs are interpolated linearly onto the communication grid, or
+    held if their words say so; two rows of the same time are a jump, to the second's values from that time on. Columns that
+    are a run's outputs are left out; others are refused, unless `columns` are stated.
+    HarnessError, with line and column, for anything that is not a row of finite numbers, or for times that fall or are there
+    three times.
     """
     table = with_units(read_table(path))
     if log and not {"time", "command"} <= {column.name for column in table.columns}:
@@ -65,13 +68,31 @@ def read_trial(
             raise HarnessError(f"{found[name].cell(row)}: holds no number; every row of a trial needs one")
         if len(axis.time) != len(values):
             raise HarnessError(f"{found[name].where}: has {len(values)} rows, its times {axis.found.where} {len(axis.time)}")
-        check_rises(axis, np.arange(len(values)))
-        check_distance(str(path), axis.time)
+        _check_times(path, axis)
         points = _points(path, axis.time) if name == "command" else points
-        held = found[name].spec.between is Between.HELD
-        rows = np.maximum(np.searchsorted(axis.time, points + 1e-9, side="right") - 1, 0)
-        inputs[name] = values[rows] if held else np.interp(points, axis.time, values)
+        inputs[name] = _between(points, axis.time, values, held=found[name].spec.between is Between.HELD)
     return Trial(stem(path), float(points[0]), STEP, inputs, str(path.name))
+
+
+def _check_times(path: Path, axis: Axis) -> None:
+    """HarnessError if the times fall, are too near to each other, or repeat other than in pairs."""
+    rows = np.arange(len(axis.time))
+    first = np.maximum.accumulate(np.where(np.diff(axis.time, prepend=np.nan) != 0.0, rows, 0))
+    again = rows - first
+    hint = "; two rows of one time are a jump, a third one is too many" if (again > 1).any() else ""
+    check_rises(axis, rows[again != 1], hint)
+    if len(apart := axis.time[again == 0]) > 1:
+        check_distance(str(path), apart)
+
+
+def _between(points: Array, times: Array, values: Array, *, held: bool) -> Array:
+    """An input at `points` [s], of its rows; at a jump, to ROUNDING, already what comes after it."""
+    rows = np.maximum(np.searchsorted(times, points + ROUNDING, side="right") - 1, 0)
+    if held:
+        held_values: Array = values[rows]
+        return held_values
+    jumped = np.diff(times, prepend=np.nan)[rows] == 0.0
+    return np.interp(np.where(jumped, np.maximum(points, times[rows]), points), times, values)
 
 
 def _points(path: Path, times: Array) -> Array:
