@@ -1,7 +1,6 @@
 """An open FMU of any make: one instance, reused by reset."""
 
-import shutil
-import tempfile
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -10,10 +9,11 @@ from typing import Any, Self
 import fmpy.fmi2
 from fmpy import supported_platforms
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 
+from harness import scratch
 from harness.errors import HarnessError
 from harness.flight import fmufile
+from harness.flight.calls import FMU2Checked
 
 
 class Component:
@@ -28,26 +28,30 @@ class Component:
         self.fmu_hash = fmufile.content_hash(path)
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
         self._messages: list[str] = []
-        self._folder = Path(tempfile.mkdtemp(prefix="ema_fmu_"))
+        self._folder = scratch.make("fmu")
         self._slave: Any = None
         self._begun = False
         try:
             fmufile.unpack(path, self._folder)
-            if fmpy.platform not in supported_platforms(str(path)):
+            if fmpy.platform not in supported_platforms(str(self._folder)):
                 raise HarnessError(f"{path}: holds no binary for this platform, {fmpy.platform}")
             self._slave = self._instantiate()
         except BaseException:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            scratch.remove(self._folder)
             raise
 
     def _instantiate(self) -> Any:
         try:
-            slave = FMU2Slave(
-                guid=self.description.guid,
-                unzipDirectory=str(self._folder),
-                modelIdentifier=self.description.coSimulation.modelIdentifier,
-                instanceName=self.path.stem,
-            )
+            place = os.getcwd()
+            try:
+                slave = FMU2Checked(
+                    guid=self.description.guid,
+                    unzipDirectory=str(self._folder),
+                    modelIdentifier=self.description.coSimulation.modelIdentifier,
+                    instanceName=self.path.stem,
+                )
+            finally:
+                os.chdir(place)  # FMPy stays in the library's folder if it cannot be loaded
         except Exception as error:  # noqa: BLE001 - FMPy lets through whatever the loader raises
             raise HarnessError(f"{self.path}: its library cannot be loaded: {error}") from None
 
@@ -85,7 +89,7 @@ class Component:
             try:
                 slave.freeInstance()
             finally:
-                shutil.rmtree(self._folder, ignore_errors=True)
+                scratch.remove(self._folder)
 
     def value_reference(self, name: str, kind: str = "Real") -> int:
         """Value reference of the variable `name`; HarnessError if there is none, or if its type is not `kind`."""
