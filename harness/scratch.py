@@ -116,7 +116,8 @@ def _lock(folder: Path) -> int:
 
 
 @atexit.register
-def _remove_all() -> None:
+def remove_all() -> None:
+    """Remove all folders of this process, which is about to end."""
     for each in list(_held):
         if f"_{os.getpid()}_" in each.name:  # a forked process has its parent's list
             remove(each)

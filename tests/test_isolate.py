@@ -13,6 +13,7 @@ import pytest
 from bad import library, replace_library, shielded
 
 from harness import scratch
+from harness.cli import main
 from harness.errors import HarnessError
 from harness.flight.couple import Connection, System
 from harness.flight.couple import fly as fly_system
@@ -146,6 +147,36 @@ def test_an_interrupt_ends_it_at_once(fmus: dict[str, Path]) -> None:
         assert not shielded()
 
 
+STUCK = """
+import sys
+from pathlib import Path
+from harness.flight.interrupt import deferred, insisted
+from harness.flight.twin import Twin
+from harness.trials import trial
+with insisted(), deferred(), Twin(Path(sys.argv[1])) as twin:
+    twin.run(trial("SIN"))
+"""
+
+
+def test_the_third_interrupt_ends_one_that_does_not_return(
+    bad: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In this process, without isolation: an FMU never gives Python back a say."""
+    monkeypatch.setenv("BAD", "HANG")
+    environment = os.environ | {"TMPDIR": str(temporary)}
+    command = [sys.executable, "-c", STUCK, str(bad)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, env=environment, text=True) as process:
+        assert process.stderr and process.stderr.readline() == "hangs\n"
+        for _ in range(2):
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.3)  # signals that wait become one
+        assert process.poll() is None and len(list(temporary.iterdir())) == 1
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 130
+        assert "Ctrl-C once more ends the process at once" in process.stderr.read()
+    assert not list(temporary.iterdir())
+
+
 def test_a_system_flies_in_one_process(fmus: dict[str, Path]) -> None:
     system = System(
         {"one": fmus["LF"], "two": fmus["LF"]}, [Connection("one.position", "two.command")], {"two.fault.friction": 2.0}
@@ -157,9 +188,20 @@ def test_a_system_flies_in_one_process(fmus: dict[str, Path]) -> None:
         "record": ["two.position", "two.command"],
     }
     assert couple(system, **options).equals(fly_system(system, **options))
-    with pytest.raises(HarnessError, match=r"has no .*variable 'angle'"):
-        couple(system, **options | {"record": ["two.angle"]})
     assert not shielded()
+
+
+def test_a_comparison_with_one_that_ends_its_process_is_no_result(
+    bad: Path, fmus: dict[str, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BAD", "EXIT")
+    arguments = ["compare", str(bad), "--reference", str(fmus["LF"]), "--trial", "SIN", "--isolate"]
+    monkeypatch.setattr(sys, "argv", ["ema", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    told = capsys.readouterr()
+    assert ended.value.code == 2 and not told.out
+    assert told.err == "ema: EMA_LF.fmu, trial SIN: ended its process with exit code 0\n"
 
 
 def good() -> bytes:

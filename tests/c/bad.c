@@ -87,8 +87,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     bad->time = time + step;
     if (bad->time < 0.1) return fmi2OK;
     if (bad_by("CRASH")) abort();
-    if (bad_by("HANG"))
+    if (bad_by("HANG")) {
+        fputs("hangs\n", stderr);
         for (volatile int spin = 1; spin;) {}
+    }
     if (bad_by("FATAL")) return fmi2Fatal;
     if (bad_by("NEGATIVE")) return (fmi2Status)-7;
     if (bad_by("EXIT")) exit(0);
