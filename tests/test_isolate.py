@@ -13,7 +13,6 @@ import pytest
 from bad import library, replace_library, shielded
 
 from harness import scratch
-from harness.cli import main
 from harness.errors import HarnessError
 from harness.flight.couple import Connection, System
 from harness.flight.couple import fly as fly_system
@@ -189,19 +188,6 @@ def test_a_system_flies_in_one_process(fmus: dict[str, Path]) -> None:
     }
     assert couple(system, **options).equals(fly_system(system, **options))
     assert not shielded()
-
-
-def test_a_comparison_with_one_that_ends_its_process_is_no_result(
-    bad: Path, fmus: dict[str, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("BAD", "EXIT")
-    arguments = ["compare", str(bad), "--reference", str(fmus["LF"]), "--trial", "SIN", "--isolate"]
-    monkeypatch.setattr(sys, "argv", ["ema", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    told = capsys.readouterr()
-    assert ended.value.code == 2 and not told.out
-    assert told.err == "ema: EMA_LF.fmu, trial SIN: ended its process with exit code 0\n"
 
 
 def good() -> bytes:

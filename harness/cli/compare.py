@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import Columns, Isolate, JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.options import Columns, JsonFile, Settings, TrialFile, chosen_trials
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 
@@ -24,7 +24,6 @@ def compare(
     settings: Settings = None,
     columns: Columns = None,
     tube: Annotated[float, typer.Option(help="Half width of the tolerance tube, fraction of the range.")] = 0.01,
-    isolate: Isolate = False,
     json_file: JsonFile = None,
 ) -> None:
     """Compare any FMU that has the ports with a reference FMU, variable by variable."""
@@ -32,7 +31,6 @@ def compare(
     from harness.comparison import percent, summary
     from harness.files import results
     from harness.flight.interrupt import deferred
-    from harness.flight.isolate import Isolated
     from harness.flight.twin import Twin
     from harness.parameters import parse_settings
 
@@ -42,10 +40,9 @@ def compare(
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
     if json_file:
         results.prepare_file(json_file)
-    opened = Isolated if isolate else Twin
-    with deferred() as interrupted, opened(candidate) as twin, opened(reference) as other:
+    with deferred() as interrupted, Twin(candidate) as twin, Twin(reference) as other:
 
-        def fly(each: Isolated | Twin, item: "Trial") -> "xr.Dataset":
+        def fly(each: Twin, item: "Trial") -> "xr.Dataset":
             run = each.run(item, parameters, on_progress=lambda done: interrupted())
             if interrupted():
                 raise KeyboardInterrupt

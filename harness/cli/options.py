@@ -31,10 +31,6 @@ ActuatorOption = Annotated[
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write runs and errors as JSON.")]
-Isolate = Annotated[
-    bool,
-    typer.Option("--isolate", help="Each FMU in a process of its own, contained: one that crashes or hangs is reported."),
-]
 FmuDir = Annotated[Path | None, typer.Option("--fmus", metavar="DIR", help="Folder of the FMUs.")]
 TrialFile = Annotated[
     Path | None,
