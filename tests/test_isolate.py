@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from harness.flight.couple import fly as fly_system
 from harness.flight.isolate import Isolated, couple
 from harness.flight.shield.wire import PREFIX, Forged, Reader, encode
 from harness.flight.twin import Twin
-from harness.trials import trial
+from harness.trials import Trial, trial
 
 
 @pytest.fixture(scope="module")
@@ -188,6 +189,81 @@ def test_a_system_flies_in_one_process(fmus: dict[str, Path]) -> None:
     }
     assert couple(system, **options).equals(fly_system(system, **options))
     assert not shielded()
+
+
+FAKE = """
+import json, os, socket, sys, time
+sys.path[:] = json.loads(sys.argv[1])
+import numpy as np
+from harness.flight.shield.wire import Reader, encode
+connection = socket.socket(fileno=int(sys.argv[2]))
+connection.sendall(encode({"kind": "ready"}))
+reader = Reader(2**30)
+while (job := reader.next()) is None:
+    reader.feed(connection.recv(2**20))
+run = {"kind": "answer", "number": job[0]["number"], "rows": 20, "wall": 0.1, "stopped": False}
+table = np.zeros((20, len(job[0]["outputs"])))
+"""
+
+
+def faked(monkeypatch: pytest.MonkeyPatch, program: str) -> Isolated:
+    """One whose process does `program`, once it has a job of 20 points."""
+    monkeypatch.setattr("harness.flight.shield.process.PROGRAM", FAKE + program + "\ntime.sleep(60)\n")
+    return Isolated(Path(__file__), time_limit=10.0)
+
+
+def twenty() -> Trial:
+    whole = trial("SIN")
+    return Trial("SIN", 0.0, whole.step, {name: series[:20] for name, series in whole.inputs.items()}, "test")
+
+
+@pytest.mark.parametrize(
+    "program, told",
+    [
+        ("connection.sendall(encode({**run, 'number': 7}, table))", "sent what is no answer"),
+        ("connection.sendall(encode({**run, 'rows': 19}, table))", "sent what is no run"),
+        ("connection.sendall(encode({**run, 'rows': 19}, table[:19]))", "sent what is no run"),
+        ("connection.sendall(encode({**run, 'rows': True}, table))", "sent what is no run"),
+        ("connection.sendall(encode({**run, 'wall': 'x'}, table))", "sent what is no run"),
+        ("connection.sendall(encode({**run, 'stopped': 0}, table))", "sent what is no run"),
+        ("connection.sendall(encode(run, np.zeros((21, table.shape[1]))))", "sent what is no message"),
+        ("connection.sendall(encode({'kind': 'notice', 'points': -1}))", "sent what is no answer"),
+        ("connection.sendall(encode({'kind': 'notice', 'points': 1e9}))", "sent what is no answer"),
+        ("connection.sendall(encode(run)[:9]); connection.close(); os._exit(3)", "ended its process with exit code 3"),
+        ("connection.sendall(encode({'kind': 'refused', 'line': 'a\\nb\\x1b[2J'}))", r"^a b \[2J$"),
+        ("connection.sendall(encode({'kind': 'refused', 'line': 'x' * 90000}))", r"^x{1997}\.\.\.$"),
+        (
+            "print('one', flush=True); print('two \\x1b[2J', flush=True); os.abort()",
+            r"crashed \(SIGABRT\); its last words: two \[2J",
+        ),
+        ("os.kill(os.getpid(), 40)", r"crashed \(signal 40\)"),
+    ],
+)
+def test_an_answer_that_is_none_ends_the_process(monkeypatch: pytest.MonkeyPatch, program: str, told: str) -> None:
+    began = time.monotonic()
+    with faked(monkeypatch, program) as isolated, pytest.raises(HarnessError, match=told) as caught:
+        isolated.run(twenty())
+    assert "\n" not in str(caught.value) and not shielded() and time.monotonic() - began < 60.0
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "while True: connection.sendall(encode({'kind': 'notice', 'points': 0}))",
+        "while True: os.write(1, bytes(2**16))",
+        "connection.close()",
+    ],
+)
+def test_a_flood_is_bounded_in_time_and_memory(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
+    """Messages, output, or nothing at all, without end."""
+    with faked(monkeypatch, program) as isolated:
+        isolated._process.time_limit = 1.0
+        tracemalloc.start()
+        with pytest.raises(HarnessError, match=r"has not finished within 1 s"):
+            isolated.run(twenty())
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert peak < 32 * 2**20 and not shielded()
 
 
 def good() -> bytes:

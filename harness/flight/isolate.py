@@ -79,7 +79,7 @@ class Isolated:
             wall, stopped = head.get("wall"), head.get("stopped")
             whole = len(table) == n_steps + 1
             if not isinstance(wall, float) or not 0.0 <= wall < math.inf or stopped is not (not whole) or not len(table):
-                self.close()
+                self._process.kill()
                 raise Ended("was ended: it sent what is no run")
         except Ended as error:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {error}") from None
@@ -140,6 +140,6 @@ def _asked(
     """Head and table, shape (rows, width), of the answer; Ended if they do not fit."""
     head, numbers = process.ask(job, body, most=most, on_progress=on_progress or (lambda points: False))
     if head.get("rows") != len(numbers) / width:
-        process.close()
+        process.kill()
         raise Ended("was ended: it sent what is no run")
     return head, numbers.reshape(-1, width)

@@ -82,7 +82,7 @@ def main() -> None:
             line = f"takes more memory than the {memory // 2**20} MiB that are allowed"
             connection.sendall(encode({"kind": "refused", "line": f"{job.get('what', 'the job')}: {line}"}))
         else:
-            connection.sendall(encode({"kind": "answer", **head}, answer))
+            connection.sendall(encode({"kind": "answer", "number": job["number"], **head}, answer))
     for twin in _twins.values():
         twin.close()
 

@@ -61,7 +61,8 @@ class Process:
         try:
             if self._process is None:
                 self._start()
-            self._to_send = memoryview(encode(job, body))
+            self._number += 1
+            self._to_send = memoryview(bytes(self._to_send) + encode({**job, "number": self._number}, body))
             late = f"has not finished within {self.time_limit:g} s"
             return self._wait(Reader(most), self.time_limit, late, on_progress, "answer")
         except HarnessError:
@@ -76,6 +77,10 @@ class Process:
         """End the process; a second call does nothing."""
         self._end(graceful=True)
 
+    def kill(self) -> None:
+        """End the process without waiting for it."""
+        self._end(graceful=False)
+
     def _start(self) -> None:
         if not hasattr(os, "killpg"):
             raise HarnessError("a process of its own for an FMU needs Linux or macOS; leave out --isolate")
@@ -84,6 +89,7 @@ class Process:
         self._words = b""
         self._status: int | None = None
         self._taken = 0
+        self._number = 0
         self._to_send = memoryview(b"")
         self._socket, other = socket.socketpair()
         life, self._life = os.pipe()
@@ -136,7 +142,7 @@ class Process:
                 kind = head.get("kind")
                 if kind == "refused" and isinstance(head.get("line"), str):
                     raise HarnessError(told(head["line"]))
-                if kind == wanted:
+                if kind == wanted and head.get("number", 0) == self._number:
                     return head, body
                 if kind != "notice" or not _is_count(head.get("points")):
                     raise Ended("was ended: it sent what is no answer")
