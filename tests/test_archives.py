@@ -132,9 +132,9 @@ def test_names_as_other_tools_write_them_fly(fmus: dict[str, Path], tmp_path: Pa
     "members, told",
     [
         ([("modelDescription.xml", b"<a/>"), ("./modelDescription.xml", b"<b/>")], "is there twice"),
-        ([("a", b""), ("a/b", b"")], "cannot be read: "),
+        ([("a", b""), ("a/b", b"")], "cannot be unpacked into .*: member 'a/b': "),
         ([("a" * 2000, b"")], "a name of more than 1000 characters"),
-        ([("a/" * 400 + "b" * 199, b"")], "cannot be (read|unpacked)"),
+        ([("a/" * 400 + "b" * 199, b"")], "cannot be unpacked"),
         ([("resources/\x1b[31m/../../x", b"")], "member 'resources/ .31m/../../x' would land outside"),
     ],
 )
@@ -225,6 +225,16 @@ def test_a_library_that_cannot_be_loaded_leaves_the_working_directory(
     with pytest.raises(HarnessError, match=r"its library cannot be loaded"):
         Twin(packed(tmp_path / "EMA_LF.fmu", members | {name: b"no library"}))
     assert Path.cwd() == tmp_path
+
+
+def test_a_disk_that_is_full_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(source: object, target: object) -> None:
+        raise OSError(28, os.strerror(28))
+
+    path = packed(tmp_path / "m.fmu", MEMBERS)
+    monkeypatch.setattr("harness.flight.archive.shutil.copyfileobj", full)
+    with pytest.raises(HarnessError, match=r"cannot be unpacked into .*: No space left on device"):
+        fmufile.unpack(path, tmp_path / "into")
 
 
 def test_a_file_that_may_not_be_read_is_one_line(tmp_path: Path) -> None:

@@ -230,8 +230,14 @@ def twenty() -> Trial:
         ("connection.sendall(encode({'kind': 'notice', 'points': -1}))", "sent what is no answer"),
         ("connection.sendall(encode({'kind': 'notice', 'points': 1e9}))", "sent what is no answer"),
         ("connection.sendall(encode(run)[:9]); connection.close(); os._exit(3)", "ended its process with exit code 3"),
-        ("connection.sendall(encode({'kind': 'refused', 'line': 'a\\nb\\x1b[2J'}))", r"^a b \[2J$"),
-        ("connection.sendall(encode({'kind': 'refused', 'line': 'x' * 90000}))", r"^x{1997}\.\.\.$"),
+        (
+            "connection.sendall(encode({'kind': 'refused', 'line': 'a\\nb\\x1b[2J'})); connection.recv(1); os._exit(0)",
+            r"^a b \[2J$",
+        ),
+        (
+            "connection.sendall(encode({'kind': 'refused', 'line': 'x' * 90000})); connection.recv(1); os._exit(0)",
+            r"^x{1997}\.\.\.$",
+        ),
         (
             "print('one', flush=True); print('two \\x1b[2J', flush=True); os.abort()",
             r"crashed \(SIGABRT\); its last words: two \[2J",
@@ -244,6 +250,16 @@ def test_an_answer_that_is_none_ends_the_process(monkeypatch: pytest.MonkeyPatch
     with faked(monkeypatch, program) as isolated, pytest.raises(HarnessError, match=told) as caught:
         isolated.run(twenty())
     assert "\n" not in str(caught.value) and not shielded() and time.monotonic() - began < 60.0
+
+
+def test_after_an_end_the_next_run_has_a_new_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    with faked(monkeypatch, "connection.sendall(encode(run, table)); connection.recv(1); os._exit(3)") as isolated:
+        for _ in range(2):
+            run = isolated.run(twenty())
+            assert run.sizes["time"] == 20 and not run.position.any()
+            with pytest.raises(HarnessError, match="ended its process with exit code 3"):
+                isolated.run(twenty())
+    assert not shielded()
 
 
 @pytest.mark.parametrize(

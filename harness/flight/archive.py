@@ -55,12 +55,16 @@ class Archive:
         return content.getvalue()
 
     def unpack(self, into: Path) -> None:
-        """Write all members below the folder `into`."""
+        """Write all members below the folder `into`; HarnessError for one that cannot be written there."""
         for name, member in self.members.items():
             target = into / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with self._opened.open(member) as source, target.open("xb") as file:
-                shutil.copyfileobj(source, file)
+            try:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with self._opened.open(member) as source, target.open("xb") as file:
+                    shutil.copyfileobj(source, file)
+            except OSError as error:
+                reason = f"member '{told(name)[:60]}': {error.strerror or error}"
+                raise HarnessError(f"{self.path}: cannot be unpacked into {into}: {reason}") from None
 
 
 @contextmanager

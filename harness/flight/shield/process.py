@@ -49,6 +49,8 @@ class Process:
     def __init__(self, *, time_limit: float, memory_limit: int) -> None:
         self.time_limit, self.memory_limit = time_limit, memory_limit
         self._process: subprocess.Popen[bytes] | None = None
+        self._to_send = memoryview(b"")
+        self._number = 0
 
     def ask(
         self, job: Mapping[str, Any], body: Array, *, most: int, on_progress: OnProgress
@@ -94,17 +96,15 @@ class Process:
         self._socket, other = socket.socketpair()
         life, self._life = os.pipe()
         self._output, output = os.pipe()
+        self._socket.setblocking(False)
+        os.set_blocking(self._output, False)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._socket, selectors.EVENT_READ)
+        self._selector.register(self._output, selectors.EVENT_READ)
+        arguments = [json.dumps(sys.path), str(other.fileno()), str(life), str(self.memory_limit)]
         try:
             self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-c",
-                    PROGRAM,
-                    json.dumps(sys.path),
-                    str(other.fileno()),
-                    str(life),
-                    str(self.memory_limit),
-                ],
+                [sys.executable, "-c", PROGRAM, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
@@ -113,6 +113,7 @@ class Process:
                 env=os.environ | {MARK: self._token, "TMPDIR": str(self._folder)},
             )
         except OSError as error:
+            self._selector.close()
             self._socket.close()
             for number in (self._life, self._output):
                 os.close(number)
@@ -122,11 +123,6 @@ class Process:
             other.close()
             os.close(life)
             os.close(output)
-        self._socket.setblocking(False)
-        os.set_blocking(self._output, False)
-        self._selector = selectors.DefaultSelector()
-        self._selector.register(self._socket, selectors.EVENT_READ)
-        self._selector.register(self._output, selectors.EVENT_READ)
         self._wait(Reader(0), START_LIMIT, f"has not started within {START_LIMIT:g} s", lambda points: False, "ready")
 
     def _wait(
