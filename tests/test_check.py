@@ -83,6 +83,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("CRASH", "crashed (SIGABRT)"),
         ("HANG", "has not finished within 10 s"),
         ("FATAL", "fmi2DoStep at 0.1 s returned fmi2Fatal"),
+        ("NEGATIVE", "fmi2DoStep at 0.1 s returned status -7"),
         ("MISSING", "its library cannot be loaded"),
         ("LIE", "its position is no finite number at 0.1001 s"),
     ],
