@@ -74,10 +74,17 @@ def compare(
             if not np.isfinite(series).all():
                 when = times[int(np.argmin(np.isfinite(series)))]
                 raise HarnessError(f"{run}: its {name} is no finite number at {when:g} s of {reference.attrs['trial']}")
-        difference = np.abs(found - expected)
+        with np.errstate(over="ignore"):
+            difference = np.abs(found - expected)
         spread = float(np.ptp(expected))
         worst = int(np.argmax(difference))
-        rms = float(np.sqrt(np.mean(difference**2)))
+        with np.errstate(over="ignore"):
+            rms = float(np.sqrt(np.mean(difference**2)))
+        if not np.isfinite(rms):
+            raise HarnessError(
+                f"{names[0]}: its {name} is {found[worst]:.3g} at {times[worst]:g} s of {reference.attrs['trial']}: "
+                "too far from the reference's for an error to be a number"
+            )
         comparisons.append(
             Comparison(
                 reference.attrs["trial"],

@@ -1,22 +1,18 @@
 """`ema check`: budgets kept and exceeded, a regression caught, FMUs that crash, hang or lie contained."""
 
-import multiprocessing
 import shutil
-import subprocess
 import sys
-import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-import fmpy
 import pytest
+from bad import library, replace_library, shielded
 from rebuild import rebuilt
 
 from harness.budgets import read_budgets
 from harness.cli import main
 from harness.errors import HarnessError
 
-BAD = Path(__file__).parent / "c" / "bad.c"
 ONE = '[SIN.LF]\nposition = 5e-4\n[SIN."ELF+"]\nposition = 5e-5\n'
 
 
@@ -56,7 +52,7 @@ def test_the_shipped_budgets_are_kept(
     suite = ElementTree.parse(junit).getroot()
     assert (suite.get("tests"), suite.get("failures"), len(suite)) == (str(count), "0", count)
     assert summary.read_text().startswith("before\n") and f"All {count} budgets kept" in summary.read_text()
-    assert not multiprocessing.active_children()
+    assert not shielded()
 
 
 def test_a_k_e_that_is_5_percent_wrong_is_caught(
@@ -77,28 +73,8 @@ def test_a_k_e_that_is_5_percent_wrong_is_caught(
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory):
-    """Compiles the FMU that misbehaves in one way."""
-    folder = tmp_path_factory.mktemp("bad")
-    headers = str(Path(fmpy.__file__).parent / "c-code")
-
-    def compiled(way: str) -> Path:
-        path = folder / f"{way}.so"
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-linux-gnu.2.17", "-shared", "-fPIC", "-O1"]
-        if not path.exists():
-            subprocess.run([*command, f"-D{way}", "-I", headers, str(BAD), "-o", str(path)], check=True)
-        return path
-
-    return compiled
-
-
-def replace_library(fmu: Path, library: Path) -> None:
-    with zipfile.ZipFile(fmu) as old:
-        members = {name: old.read(name) for name in old.namelist()}
-    members[f"binaries/linux64/{fmu.stem}.so"] = library.read_bytes()
-    with zipfile.ZipFile(fmu, "w") as new:
-        for name, content in members.items():
-            new.writestr(name, content)
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bad")
 
 
 @pytest.mark.parametrize(
@@ -107,6 +83,7 @@ def replace_library(fmu: Path, library: Path) -> None:
         ("CRASH", "crashed (SIGABRT)"),
         ("HANG", "has not finished within 10 s"),
         ("FATAL", "fmi2DoStep at 0.1 s returned fmi2Fatal"),
+        ("NEGATIVE", "fmi2DoStep at 0.1 s returned status -7"),
         ("MISSING", "its library cannot be loaded"),
         ("LIE", "its position is no finite number at 0.1001 s"),
     ],
@@ -114,20 +91,23 @@ def replace_library(fmu: Path, library: Path) -> None:
 def test_an_fmu_that_misbehaves_is_reported_and_the_rest_goes_on(
     folder: Path,
     budgets: str,
-    library,
+    compiled: Path,
     way: str,
     told: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """EMA_LF.fmu with a library that crashes, hangs, gives up or lies; ELF+ is checked all the same."""
-    replace_library(folder / "EMA_LF.fmu", library(way))
-    assert ema(monkeypatch, "--fmus", str(folder), "--budgets", budgets, "--time-limit", "10") == 1
+    replace_library(folder / "EMA_LF.fmu", library(compiled, *(["-DMISSING"] if way == "MISSING" else [])))
+    monkeypatch.setenv("BAD", way)
+    assert (
+        ema(monkeypatch, "--fmus", str(folder), "--budgets", budgets, "--time-limit", "10" if way == "HANG" else "60") == 1
+    )
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("SIN LF: ") and told in lines[0]
     assert lines[1] == "1 of 2 budgets kept"
-    assert not multiprocessing.active_children()
+    assert not shielded()
 
 
 def test_stored_results_can_be_the_reference(
@@ -177,9 +157,10 @@ def test_mistakes_in_budgets_are_all_named(tmp_path: Path, text: str, told: str)
 
 
 def test_run_with_isolation_goes_on_without_the_one_that_crashes(
-    folder: Path, library, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    folder: Path, compiled: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    replace_library(folder / "EMA_LF.fmu", library("CRASH"))
+    replace_library(folder / "EMA_LF.fmu", library(compiled))
+    monkeypatch.setenv("BAD", "CRASH")
     arguments = ["run", "SIN", "--fidelity", "LF,ELF", "--reference", "ELF+", "--isolate"]
     monkeypatch.setattr(sys, "argv", ["ema", *arguments, "--fmus", str(folder), "--out", str(tmp_path / "out")])
     with pytest.raises(SystemExit) as ended:
@@ -188,4 +169,4 @@ def test_run_with_isolation_goes_on_without_the_one_that_crashes(
     told = capsys.readouterr().out
     assert "EMA_LF.fmu, trial SIN: crashed (SIGABRT)" in told
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"SIN_ELF.csv", "SIN_ELFplus.csv", "report.html"}
-    assert not multiprocessing.active_children()
+    assert not shielded()

@@ -33,6 +33,14 @@ def test_constant_offset_over_the_range_of_the_reference() -> None:
     assert (item.variable, item.unit, item.trial) == ("position", "rad", "SIN")
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_error_that_is_no_number_is_refused(sign: float) -> None:
+    """Its square, or the difference itself, is beyond what doubles hold; no warning, no infinite error."""
+    expected = np.where(TIME > 0.5, -1e308, 0.0) if sign > 0.0 else TIME
+    with pytest.raises(HarnessError, match=r"candidate: its position is 1.7e\+308 at .* too far from the reference's"):
+        _one(np.where(TIME > 0.6, 1.7e308, 0.0), expected)
+
+
 def test_sine_error_has_an_rms_of_its_amplitude_over_root_two() -> None:
     error = 0.03 * np.sin(2.0 * np.pi * 5.0 * TIME)
     item = _one(TIME + error, TIME)

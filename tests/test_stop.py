@@ -99,13 +99,18 @@ def test_a_stopped_schedule_is_a_part_too(fmus: dict[str, Path], points: int, ju
     assert {item.candidate for item in complete.comparisons} == {"LF:ELF@1"}
 
 
-def test_an_isolated_run_is_never_a_part(fmus: dict[str, Path]) -> None:
-    """The process is not disturbed; the experiment ends after its run."""
+def test_an_isolated_run_is_stopped_too(fmus: dict[str, Path]) -> None:
+    """The stop may come when all was done; either way the run says what it is, and nothing flies after it."""
+    with Twin(fmus["LF"]) as twin:
+        whole = twin.run(trial("SIN"))
     with Isolated(fmus["LF"]) as isolated:
-        assert isolated.run(trial("SIN"), on_progress=after(1)).sizes["time"] == POINTS + 1
+        part = isolated.run(trial("SIN"), on_progress=after(1))
+        assert part.equals(whole.isel(time=slice(0, part.sizes["time"])))
+        assert part.attrs["stopped"] == (part.sizes["time"] < POINTS + 1)
+        assert isolated.run(trial("SIN")).equals(whole)
     flown = [trial("SIN"), trial("SIN4")]
     found = fly(flown, [], LF, fmus=fmus["LF"].parent, parameters={}, on_progress=after(1), isolate=True)
-    assert found.stopped and found.partial is None and list(found.runs) == [("SIN", "LF")]
+    assert found.stopped and (found.partial is None) == (list(found.runs) == [("SIN", "LF")])
 
 
 def test_an_interrupt_is_deferred_and_a_second_one_is_not() -> None:

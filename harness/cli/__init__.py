@@ -24,9 +24,7 @@ from harness.cli.replay import replay
 from harness.cli.run import run
 from harness.cli.serve import serve
 from harness.errors import HarnessError
-
-INTERRUPTED = 130
-"""Exit code that Typer gives an interrupt from the keyboard."""
+from harness.flight.interrupt import INTERRUPTED, insisted
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
 for command in (
@@ -68,7 +66,8 @@ def _ema(
 def main() -> None:
     """Entry point: bad input is one line on stderr and exit code 2, an interrupt one line and 130."""
     try:
-        app()
+        with insisted():
+            app()
     except HarnessError as error:
         typer.echo(f"ema: {error}", err=True)
         sys.exit(2)

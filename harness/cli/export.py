@@ -55,16 +55,15 @@ def export(
 
 def _parameter_sets(actuator: "Actuator", fmus: Path) -> dict[str, bytes]:
     """The SSP package with the parameters of `actuator`, and its own set, by file name."""
-    import tempfile
-
     from ema_fmu_src.fidelities import REFERENCE
     from ema_fmu_src.fmu import ssp
     from ema_fmu_src.fmu.build import SSP
+    from harness import scratch
     from harness.actuators.fmus import variant
     from harness.fidelity import file_stem
 
     chosen = variant(actuator)
-    with tempfile.TemporaryDirectory() as scratch:
-        package = Path(scratch) / SSP
+    with scratch.folder("export") as made:
+        package = made / SSP
         ssp.write(package, fmus / REFERENCE.fmu, chosen)
         return {SSP: package.read_bytes(), f"{file_stem(actuator.name)}.ssv": ssp.parameter_set("healthy", {}, chosen)}

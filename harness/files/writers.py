@@ -2,14 +2,13 @@
 
 import io
 import json
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from harness import scratch
 from harness.errors import HarnessError, required_extra
 from harness.files.results import trajectory_csv
 
@@ -58,8 +57,8 @@ def _netcdf(run: xr.Dataset) -> bytes:
     for name in plain.data_vars:
         if plain[name].dtype.kind == "b":
             plain[name] = plain[name].astype(np.int8).assign_attrs(run[name].attrs)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "run.nc"
+    with scratch.folder("write") as folder:
+        path = folder / "run.nc"
         plain.to_netcdf(path, engine="h5netcdf")
         return path.read_bytes()
 
@@ -86,10 +85,10 @@ def _mdf(run: xr.Dataset) -> bytes:
         Signal(run[name].values.astype(np.float64), time, unit=run[name].attrs["units"], name=str(name), comment="")
         for name in run.data_vars
     ]
-    with MDF(version="4.10") as file, tempfile.TemporaryDirectory() as folder:
+    with MDF(version="4.10") as file, scratch.folder("write") as folder:
         file.append(signals, comment=json.dumps(_attributes(run)))
-        file.save(Path(folder) / "run.mf4", overwrite=True)
-        return (Path(folder) / "run.mf4").read_bytes()
+        file.save(folder / "run.mf4", overwrite=True)
+        return (folder / "run.mf4").read_bytes()
 
 
 def _attributes(run: xr.Dataset) -> dict[str, str]:

@@ -1,8 +1,13 @@
-"""Calls of FMI 2.0 functions from compiled code, through their addresses in the library that FMPy has loaded."""
+"""Calls of FMI 2.0 functions from compiled code, through their addresses in the library that FMPy has loaded.
+
+What numba keeps of a loop is as old as the loop's own file: whoever changes a call here changes the files of the loops too.
+"""
 
 import ctypes
 from typing import Any
 
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
@@ -15,6 +20,18 @@ CALLS = ("fmi2SetReal", "fmi2SetRealInputDerivatives", "fmi2SetInteger", "fmi2Se
 STATUSES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 WARNING = 1
 """The worst status with which a run goes on."""
+NEGATIVE = 2**30
+"""From here on: a negative status, which FMI does not know and which no `>` would find, plus 2**31."""
+
+
+class FMU2Checked(FMU2Slave):  # type: ignore[misc] # FMPy has no types, and goes by the first letters of the name
+    """FMPy's slave, which takes a negative status for success: FMICallException for that too."""
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        result = super()._call(name, *arguments)
+        if isinstance(result, int) and result < 0:
+            raise FMICallException(name, result)
+        return result
 
 
 def addresses(slave: Any) -> tuple[int, ...]:
@@ -35,7 +52,8 @@ def instance_address(slave: Any) -> int:
 
 
 def status_name(status: int) -> str:
-    """Such as fmi2Fatal."""
+    """Such as fmi2Fatal; of a status as the calls below answer it."""
+    status = status - 2**31 if status >= NEGATIVE else status
     return STATUSES[status] if 0 <= status < len(STATUSES) else f"status {status}"
 
 
@@ -43,7 +61,10 @@ def _call(context: Any, builder: Any, signature: Any, values: Any) -> Any:
     """Code of a call through the address `values[0]`: an `int` function in C of the arguments that follow."""
     kinds = {types.intp: ir.IntType(64), types.float64: ir.DoubleType(), types.int32: ir.IntType(32)}
     function = ir.FunctionType(ir.IntType(32), [kinds[argument] for argument in signature.args[1:]])
-    return builder.call(builder.inttoptr(values[0], function.as_pointer()), values[1:])
+    status = builder.call(builder.inttoptr(values[0], function.as_pointer()), values[1:])
+    low, negative = (ir.Constant(status.type, value) for value in (NEGATIVE - 1, NEGATIVE))
+    beyond = builder.or_(builder.and_(status, low), negative)
+    return builder.select(builder.icmp_signed("<", status, ir.Constant(status.type, 0)), beyond, status)
 
 
 @intrinsic

@@ -2,8 +2,7 @@
 
 import logging
 import math
-import shutil
-import tempfile
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -12,10 +11,11 @@ from typing import Any, Self
 import fmpy
 from fmpy import supported_platforms
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 
+from harness import scratch
 from harness.errors import HarnessError
 from harness.flight import fmufile
+from harness.flight.calls import FMU2Checked
 from harness.flight.messages import MOST, Messages
 
 FUNCTIONS = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean", "String": "String"}
@@ -38,14 +38,14 @@ class Component:
         self.description = fmufile.describe(path)
         self.fmu_hash = fmufile.content_hash(path)
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
-        self._folder = Path(tempfile.mkdtemp(prefix="ema_fmu_"))
+        self._folder = scratch.make("fmu")
         self._messages = Messages(path.stem)
         self._told: set[str] = set()
         self._slave: Any = None
         self._begun = False
         try:
             fmufile.unpack(path, self._folder)
-            if fmpy.platform not in supported_platforms(str(path)):
+            if fmpy.platform not in supported_platforms(str(self._folder)):
                 raise HarnessError(f"{path}: holds no binary for this platform, {fmpy.platform}")
             self._slave = self._load()
             self._instantiate()
@@ -55,12 +55,16 @@ class Component:
 
     def _load(self) -> Any:
         try:
-            return FMU2Slave(
-                guid=self.description.guid,
-                unzipDirectory=str(self._folder),
-                modelIdentifier=self.description.coSimulation.modelIdentifier,
-                instanceName=self.path.stem,
-            )
+            place = os.getcwd()
+            try:
+                return FMU2Checked(
+                    guid=self.description.guid,
+                    unzipDirectory=str(self._folder),
+                    modelIdentifier=self.description.coSimulation.modelIdentifier,
+                    instanceName=self.path.stem,
+                )
+            finally:
+                os.chdir(place)  # FMPy stays in the library's folder if it cannot be loaded
         except Exception as error:  # noqa: BLE001 - FMPy lets through whatever the loader raises
             raise HarnessError(f"{self.path}: its library cannot be loaded: {error}") from None
 
@@ -103,7 +107,7 @@ class Component:
         finally:
             self._slave = None
             self._messages.close()
-            shutil.rmtree(self._folder, ignore_errors=True)
+            scratch.remove(self._folder)
 
     def variable(self, name: str) -> Any:
         """FMPy's description of the variable `name`; HarnessError if there is none."""

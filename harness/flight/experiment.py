@@ -131,7 +131,7 @@ def _fly_each(
                 try:
                     run = twin.run(trial, settings, on_progress=watch)
                 except HarnessError as error:
-                    if not isolate or fidelity == reference:
+                    if not isolate or (fidelity == reference and not watch.stopped):
                         raise
                     yield str(error)
                 else:

@@ -1,10 +1,17 @@
 """Ctrl-C while an FMU is at work: an FMU written in Python would take it for a failure of its own."""
 
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from harness import scratch
+
+INTERRUPTED = 130
+"""Exit code of a process that an interrupt has ended."""
+LAST_WORD = b"\nan FMU is still at work; Ctrl-C once more ends the process at once\n"
 
 
 @contextmanager
@@ -29,3 +36,37 @@ def deferred() -> Iterator[Callable[[], bool]]:
         yield lambda: bool(came)
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def insisted() -> Iterator[None]:
+    """Inside, the third interrupt ends the process at once, even if an FMU does not return; only in the main thread.
+
+    Python tells of an interrupt only between its own steps; what is told here is told by the system.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    watcher = threading.Thread(target=_watch, args=(reader,), daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(writer)
+        watcher.join()
+        os.close(reader)
+
+
+def _watch(reader: int) -> None:
+    came = 0
+    while data := os.read(reader, 64):
+        before, came = came, came + data.count(signal.SIGINT)
+        if before < 2 <= came:
+            os.write(2, LAST_WORD)
+        if came > 2:
+            scratch.remove_all()
+            os._exit(INTERRUPTED)

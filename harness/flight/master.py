@@ -34,7 +34,9 @@ from harness.flight.calls import (
 )
 
 POINTS_A_NOTICE = 5000
-"""Communication points between two calls of the progress callback."""
+"""Most communication points between two calls of the progress callback."""
+PATIENCE = 0.5
+"""Most time between them [s], as far as the FMU lets; so a slow one can be stopped too."""
 NO_STEP = -2
 """What the loop answers in the place of the step that failed where none has."""
 
@@ -171,9 +173,10 @@ def run(
     """Set inputs, do a step, get outputs, from point to point; the slave has just left initialization mode.
 
     `slave` is FMPy's FMU2Slave. Communication points are start + n*step [s]. `on_progress(points)` is called every
-    POINTS_A_NOTICE points; if it answers True, the run stops there. `into`, of shape (n_steps + 1, len(wanted)), is filled
-    and returned instead of a new array: where many runs follow one another and memory goes back to the system after each
-    (as Dask's workers do), that saves a quarter of a run of ELF+. StepFailed at the first status worse than a warning.
+    POINTS_A_NOTICE points or after PATIENCE; if it answers True, the run stops there. `into`, of shape (n_steps + 1,
+    len(wanted)), is filled and returned instead of a new array: where many runs follow one another and memory goes back to
+    the system after each (as Dask's workers do), that saves a quarter of a run of ELF+. StepFailed at the first status worse
+    than a warning.
     """
     table = np.ascontiguousarray(stimuli.table, dtype=np.float64)
     n_steps = len(table) - 1
@@ -198,12 +201,19 @@ def run(
 
     fly(0, 0)  # load or compile the loop before the clock starts
     fly(-1, 0)
-    wall, done, stopped = 0.0, 0, False
+    wall, done, told, stopped, chunk = 0.0, 0, 0, False, 64
+    noticed = time.perf_counter()
     while done < n_steps and not stopped:
-        until = min(done + POINTS_A_NOTICE, n_steps)
+        until = min(done + chunk, told + POINTS_A_NOTICE, n_steps)
         began = time.perf_counter()
         fly(done, until)
-        wall += time.perf_counter() - began
-        stopped = bool(on_progress and on_progress(until - done)) and until < n_steps
+        ended = time.perf_counter()
+        wall += ended - began
         done = until
+        chunk = (
+            4 * chunk if ended - began < 0.1 * PATIENCE else max(1, chunk // 4) if ended - began > 0.5 * PATIENCE else chunk
+        )
+        if done in (told + POINTS_A_NOTICE, n_steps) or ended - noticed > PATIENCE:
+            stopped = bool(on_progress and on_progress(done - told)) and done < n_steps
+            told, noticed = done, time.perf_counter()
     return Recording(outputs[: done + 1], wall, stopped)

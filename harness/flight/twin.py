@@ -48,8 +48,9 @@ class Twin(Component):
         the dataset ends there, with stopped True.
         """
         given = dict(parameters or {})
-        outputs = sorted(ports.OUTPUTS, key=lambda port: port.kind == "Boolean")
-        return self._dataset(trial, given, outputs, self._fly(trial, given, outputs, on_progress=on_progress))
+        outputs = self.recorded()
+        recording = self._fly(trial, given, outputs, on_progress=on_progress)
+        return self.dataset(self.path.name, self.fmu_hash, trial, given, outputs, recording)
 
     def record(
         self,
@@ -127,13 +128,21 @@ class Twin(Component):
         ramps = [column for column, name in enumerate(inputs) if interpolates and name in trial.continuous]
         return master.Stimuli(columns, np.column_stack(list(inputs.values())), ramps)
 
-    def _dataset(
-        self,
+    @staticmethod
+    def recorded() -> list[ports.Variable]:
+        """The outputs that a run has, in the order of the columns that the master gives."""
+        return sorted(ports.OUTPUTS, key=lambda port: port.kind == "Boolean")
+
+    @staticmethod
+    def dataset(
+        fmu: str,
+        fmu_hash: str,
         trial: Trial,
         parameters: Mapping[str, float],
         outputs: Sequence[ports.Variable],
         recording: master.Recording,
     ) -> xr.Dataset:
+        """What `run` returns, of the FMU by name and SHA-256, from the columns `outputs` of a recording."""
         values = recording.outputs
         inputs = trial.inputs | {n: v for n, v in _constant_inputs(trial, parameters).items() if n not in trial.inputs}
         data: dict[str, Any] = {}
@@ -152,8 +161,8 @@ class Twin(Component):
             coords={"time": ("time", times, {"units": "s"})},
             attrs={
                 "trial": trial.name,
-                "fmu": self.path.name,
-                "fmu_sha256": self.fmu_hash,
+                "fmu": fmu,
+                "fmu_sha256": fmu_hash,
                 "parameters": dict(parameters),
                 "wall_s": recording.wall,
                 "simulated_s": float(times[-1] - times[0]),

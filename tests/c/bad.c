@@ -1,12 +1,22 @@
-/* An FMU that misbehaves: -DCRASH, -DHANG, -DFATAL in its steps after 0.1 s, -DLIE in its outputs,
-   -DMISSING without fmi2GetReal. */
+/* An FMU that misbehaves in the way that the environment variable BAD names (several by commas), in its steps after 0.1 s:
+   CRASH, HANG, FATAL, NEGATIVE (status -7), EXIT, FORK (a grandchild that leaves the group and holds every pipe), PRINT (60 MB
+   and more), ALLOCATE (without end), FORGE (a pickled command into every connection), LIE or HUGE in its outputs. Compiled
+   with -DMISSING, it is without fmi2GetReal. */
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "fmi2Functions.h"
 
-typedef struct { double time; } Bad;
+static int bad_by(const char *way) {
+    const char *told = getenv("BAD");
+    return told && strstr(told, way);
+}
+
+typedef struct { double time; int done; } Bad;
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
@@ -58,9 +68,8 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     Bad *bad = c;
     for (size_t i = 0; i < n; i++) {
         v[i] = bad->time * vr[i];
-#ifdef LIE
-        if (bad->time > 0.1) v[i] = NAN;
-#endif
+        if (bad->time > 0.1 && bad_by("LIE")) v[i] = NAN;
+        if (bad->time > 0.1 && bad_by("HUGE")) v[i] = i % 2 ? 1.7e308 : -1.7e308;
     }
     return fmi2OK;
 }
@@ -76,16 +85,30 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     (void)no_set_state_prior;
     Bad *bad = c;
     bad->time = time + step;
-    if (bad->time > 0.1) {
-#ifdef CRASH
-        abort();
-#endif
-#ifdef HANG
+    if (bad->time <= 0.1) return fmi2OK;
+    if (bad_by("CRASH")) abort();
+    if (bad_by("HANG")) {
+        fputs("hangs\n", stderr);
         for (volatile int spin = 1; spin;) {}
-#endif
-#ifdef FATAL
-        return fmi2Fatal;
-#endif
+    }
+    if (bad_by("FATAL")) return fmi2Fatal;
+    if (bad_by("NEGATIVE")) return (fmi2Status)-7;
+    if (bad_by("EXIT")) exit(0);
+    if (bad_by("FORK") && !bad->done++ && fork() == 0) {
+        setsid();
+        for (;;) sleep(1);
+    }
+    if (bad_by("PRINT") && bad->done < 60) {
+        static char line[1000001];
+        memset(line, 'x', 1000000), line[999999] = '\n';
+        fputs(line, bad->done++ % 2 ? stdout : stderr);
+    }
+    if (bad_by("ALLOCATE"))
+        for (char *more; (more = malloc(1 << 26)); ) memset(more, 1, 1 << 26);
+    if (bad_by("FORGE")) {
+        static const char pickled[] = "cos\nsystem\n(S'touch \"$BAD_TOUCHES\"'\ntR.";
+        for (int file = 3; file < 64; file++)
+            if (write(file, pickled, sizeof pickled - 1) < 0) continue;
     }
     return fmi2OK;
 }

@@ -2,7 +2,6 @@
 
 import shlex
 import sys
-import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from harness import scratch
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
 from harness.cli.terminal import progress
@@ -96,5 +96,5 @@ def _folder(keep: Path | None) -> Iterator[Path]:
     if keep is not None:
         yield keep
         return
-    with tempfile.TemporaryDirectory(prefix="ema-bench-") as made:
-        yield Path(made)
+    with scratch.folder("bench") as made:
+        yield made
