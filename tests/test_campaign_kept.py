@@ -29,7 +29,7 @@ from harness.campaigns.lock import LOCK, locked
 from harness.campaigns.parts import Parts
 from harness.campaigns.planfile import read_plan
 from harness.campaigns.run import Summary, cluster, run
-from harness.campaigns.store import verify
+from harness.campaigns.verify import verify
 from harness.errors import HarnessError
 
 OPTIONS = {"ranges": {"fault.friction": [1.0, 3.0]}, "samples": 11, "seed": 3, "fidelities": ["LF", "ELF+"]}

@@ -13,14 +13,20 @@ import zarr
 from ema_fmu_src import __version__, ports
 from harness.campaigns.names import names
 from harness.campaigns.plan import Plan
+from harness.provenance import Provenance
 
 REASON_LENGTH = 200
 """Characters kept of the reason why a case failed."""
 
 
-def create(path: Path, plan: Plan, digest: str, fmus: Mapping[str, str]) -> None:
-    """Create the empty dataset as a Zarr store at `path`, in place of what is there; OSError if it cannot be written."""
+def create(path: Path, plan: Plan, digest: str, fmus: Mapping[str, str], record: Provenance | None) -> None:
+    """Create the empty dataset as a Zarr store at `path`, in place of what is there; OSError if it cannot be written.
+
+    `fmus`: file name -> hash of each FMU; `record`: how the dataset is made, among its attributes.
+    """
     dataset = _coordinates(plan, digest, fmus)
+    if record:
+        dataset = dataset.assign_attrs(provenance=record.as_text())
     whole = {name: {"chunks": variable.shape or (1,)} for name, variable in dataset.coords.items()}
     dataset.to_zarr(path, mode="w", encoding=whole, zarr_format=2, consolidated=False)
     add_arrays(zarr.open_group(path, mode="r+"), plan, len(dataset["case"]))

@@ -60,7 +60,7 @@ class Local:
     """`workers` processes on this machine, or fewer where there are fewer cases; a context manager."""
 
     def __init__(self, workers: int) -> None:
-        self.threads = workers
+        self.threads = self._most = workers
         self._crew: list[_Worker] = []
         self._waiting: deque[Batch] = deque()
         self._failed: deque[tuple[Batch, Result]] = deque()
@@ -77,7 +77,7 @@ class Local:
     @contextlib.contextmanager
     def knowing(self, shared: Shared, cases: int) -> Iterator[None]:
         """Within it, the workers fly the `cases` cases of a campaign."""
-        self.threads = min(self.threads, cases)
+        self.threads = min(self._most, cases)
         self._shared = shared
         with scratch() as folder:
             self._begin = folder, shared

@@ -14,7 +14,9 @@ from harness.campaigns.names import names
 from harness.campaigns.parts import Parts
 from harness.campaigns.plan import Plan
 from harness.campaigns.store import Store
+from harness.errors import required_extra
 from harness.flight import fmufile
+from harness.provenance import Provenance
 
 
 class Crew(Protocol):
@@ -59,7 +61,8 @@ def cluster(scheduler: str | None, workers: int, tell: Callable[[str], None] = l
     `tell` is told in a line what happens to them. HarnessError if no scheduler answers.
     """
     if scheduler:
-        from harness.campaigns.remote import Remote
+        with required_extra("campaign", "--scheduler"):
+            from harness.campaigns.remote import Remote
 
         with Remote(scheduler, tell) as remote:
             yield remote
@@ -77,18 +80,20 @@ def run(
     *,
     fmus: Path,
     out: Path,
+    record: Provenance | None = None,
     on_start: Callable[[int, int], None] = lambda total, done: None,
     on_cases: Callable[[int], None] = lambda cases: None,
 ) -> Summary:
     """Fly those cases of `plan` that are not yet done, into the folder `out`, with the FMUs in the folder `fmus`.
 
-    `on_start(cases, done)` is called once, `on_cases(cases)` after each part. HarnessError if `out` holds another campaign,
-    if another process flies one there, if it cannot be written, or if the workers go away and do not come back.
+    `record`: how the dataset is made, which is kept in it. `on_start(cases, done)` is called once, `on_cases(cases)` after
+    each part. HarnessError if `out` holds another campaign, if another process flies one there, if it cannot be written, or
+    if the workers go away and do not come back.
     """
     with locked(out):
         contents = {name: (fmus / name).read_bytes() for name in sorted({fidelity.fmu for fidelity in plan.fidelities})}
         hashes = {name: fmufile.content_hash(fmus / name) for name in contents}
-        store = Store(out, plan, hashes)
+        store = Store(out, plan, hashes, record)
         waiting = store.waiting()
         cases = sum(map(len, waiting))
         before = len(store.table) - cases

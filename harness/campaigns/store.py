@@ -8,7 +8,6 @@ import os
 import shutil
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from harness.campaigns.batch import Result
 from harness.campaigns.checksums import Checksums
 from harness.campaigns.plan import Plan
 from harness.errors import HarnessError
+from harness.provenance import Provenance
 
 PARQUET_ROWS = 65536
 """Cases that are in memory at a time while the Parquet file is written."""
@@ -36,15 +36,16 @@ BEGUN = "dataset"
 class Store:
     """The dataset of a plan in `folder`, created, or opened where it was left; `fmus`: file name -> hash of each FMU.
 
-    What of it is damaged is in `damaged`, a line each, and made again. HarnessError if the folder holds another plan's.
+    `record`: how it is made. What of it is damaged is in `damaged`, a line each, and made again. HarnessError if the folder
+    holds another plan's.
     """
 
-    def __init__(self, folder: Path, plan: Plan, fmus: Mapping[str, str]) -> None:
+    def __init__(self, folder: Path, plan: Plan, fmus: Mapping[str, str], record: Provenance | None = None) -> None:
         self.folder, self.path = folder, folder / STORE
         self.plan, self.table = plan, plan.table()
         self.digest = plan.digest(fmus)
         self.damaged: list[str] = []
-        self._fmus = fmus
+        self._fmus, self._record = fmus, record
         self._checksums = Checksums(folder)
         self._tidy()
         begun = [f"{STORE}/{name}" for name in dataset.begun(dataset.coordinates_of(plan), plan.outputs)]
@@ -98,7 +99,7 @@ class Store:
         """Create the empty store under another name, and give it its own when it is whole; or mend the one that is there."""
         made = self.path.with_suffix(".new")
         try:
-            dataset.create(made, self.plan, self.digest, self._fmus)
+            dataset.create(made, self.plan, self.digest, self._fmus, self._record)
             files = sorted(path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file())
             hashes = {f"{STORE}/{name}": checksums.of_file(made / name) for name in files}
             if self.path.exists():
@@ -120,7 +121,7 @@ class Store:
     def waiting(self) -> list[range]:
         """The cases of each chunk that is not yet done; those that were and are no longer whole are in `damaged`."""
         found = []
-        for cases, begun, problems in _checked(self._checksums, self.chunks(), self.plan.chunk, self.plan.outputs):
+        for cases, begun, problems in checked(self._checksums, self.chunks(), self.plan.chunk, self.plan.outputs):
             if problems:
                 found.append(cases)
                 self.damaged += problems if begun else []
@@ -191,48 +192,12 @@ class Store:
         return pa.table(columns).replace_schema_metadata({"campaign_sha256": self.digest})
 
 
-@dataclass(frozen=True)
-class Verified:
-    """What lies in a folder: number of cases of the campaign, of those that are whole, and what is wrong, a line each."""
-
-    cases: int
-    whole: int
-    problems: list[str]
-
-
-def verify(folder: Path) -> Verified:
-    """Check every file of the campaign in `folder` against its checksum, whatever its plan.
-
-    HarnessError if there is no campaign, or if its description is damaged so that it does not say what should be there.
-    """
-    path = folder / STORE
-    if not path.is_dir():
-        raise HarnessError(f"{folder}: holds no campaign, for there is no {STORE} in it; --out DIR names its folder")
-    found = Checksums(folder)
-    try:
-        with xr.open_zarr(path, chunks=None) as held:
-            coordinates = [str(name) for name in held.coords]
-            outputs = [str(name) for name in held.data_vars if held[name].dims == ("case", "time")]
-            together, count = int(held["done"].encoding["chunks"][0]), held.sizes["case"]
-    except Exception as error:  # noqa: BLE001 - zarr raises whatever its codecs and stores raise
-        reason = " ".join(str(error).split())
-        raise HarnessError(f"{path}: cannot be opened: {reason}; the command that made it mends it") from None
-    problems = found.problems(BEGUN, [f"{STORE}/{name}" for name in dataset.begun(coordinates, outputs)])
-    whole = 0
-    for cases, begun, wrong in _checked(found, chunks(count, together), together, outputs):
-        whole += 0 if wrong else len(cases)
-        problems += wrong if begun else []
-    if whole == count or found.has("features"):
-        problems += found.problems("features", [FEATURES])
-    return Verified(count, whole, problems)
-
-
 def chunks(cases: int, together: int) -> list[range]:
     """The numbers of `cases` cases, chunk by chunk."""
     return [range(first, min(first + together, cases)) for first in range(0, cases, together)]
 
 
-def _checked(
+def checked(
     sums: Checksums, parts: Iterable[range], together: int, outputs: Iterable[str]
 ) -> Iterable[tuple[range, bool, list[str]]]:
     """Of each chunk: its cases, whether it has been there, and what is wrong with it."""

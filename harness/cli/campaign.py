@@ -8,6 +8,7 @@ import typer
 
 from harness.cli.build import fmu_folder
 from harness.cli.options import ActuatorOption, Columns, FmuDir, Settings, TrialFile, chosen_actuator, chosen_columns, small
+from harness.cli.origin import provenance
 from harness.cli.terminal import progress
 from harness.errors import HarnessError, required_extra
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from harness.actuators.actuator import Actuator
     from harness.campaigns.plan import Plan
     from harness.campaigns.run import Summary
+    from harness.provenance import Provenance
 
 PAGE = "campaign.html"
 
@@ -66,7 +68,6 @@ def campaign(
     Interrupted, killed or failed, the same command goes on where it stopped; what is damaged is flown again. Exit code 1 if
     a case failed, or with --verify if something is damaged or missing.
     """
-    import shlex
     import sys
 
     from harness.files import results
@@ -104,12 +105,12 @@ def campaign(
         typer.echo(line, err=True)
     results.prepare(out)
     folder = fmu_folder(plan.fidelities, fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=plan.fidelities)
     with cluster(scheduler, workers or os.cpu_count() or 1, _tell) as crew:
-        summary = _with_progress(run, plan, crew, fmus=folder, out=out)
+        summary = _with_progress(run, plan, crew, fmus=folder, out=out, record=record)
     for line in summary.damaged:
         _tell(f"{line}; made again")
-    _write_page(out, shlex.join(["ema", *sys.argv[1:]]), chosen)
-    _print(summary, out)
+    _print(summary, out, _write_page(out, record, chosen))
     if summary.failures:
         sys.exit(1)
 
@@ -122,7 +123,7 @@ def _verify(out: Path) -> int:
     """Say what of the campaign in `out` is whole; the exit code."""
     with required_extra("campaign"):
         from harness.campaigns.lock import refuse_locked
-        from harness.campaigns.store import verify
+        from harness.campaigns.verify import verify
 
     refuse_locked(out)
     found = verify(out)
@@ -135,18 +136,19 @@ def _verify(out: Path) -> int:
     return 1
 
 
-def _write_page(out: Path, command: str, actuator: "Actuator") -> None:
+def _write_page(out: Path, record: "Provenance", actuator: "Actuator") -> Path:
     import xarray as xr
 
     from harness.files import results
     from harness.show.campaign import page
 
     with xr.open_zarr(out / "campaign.zarr", chunks=None) as held:
-        content = page(held, command, actuator)
-    results.write(out / PAGE, content)
+        content = page(held, record, actuator)
+    results.write(out / PAGE, content)  # the folder holds this campaign alone, and so this page
+    return out / PAGE
 
 
-def _with_progress(run: Any, plan: "Plan", crew: Any, *, fmus: Path, out: Path) -> "Summary":
+def _with_progress(run: Any, plan: "Plan", crew: Any, *, fmus: Path, out: Path, record: "Provenance") -> "Summary":
     with progress() as shown:
         task = shown.add_task("cases", total=None)
         summary: Summary = run(
@@ -154,13 +156,14 @@ def _with_progress(run: Any, plan: "Plan", crew: Any, *, fmus: Path, out: Path) 
             crew,
             fmus=fmus,
             out=out,
+            record=record,
             on_start=lambda total, done: shown.update(task, total=total, completed=done),
             on_cases=lambda cases: shown.advance(task, cases),
         )
         return summary
 
 
-def _print(summary: "Summary", out: Path) -> None:
+def _print(summary: "Summary", out: Path, page: Path) -> None:
     for case, reason in summary.failures[:10]:
         typer.echo(f"case {case} failed: {reason}")
     if len(summary.failures) > 10:
@@ -175,4 +178,4 @@ def _print(summary: "Summary", out: Path) -> None:
     else:
         typer.echo(f"all {summary.before} cases were done before")
     typer.echo(f"dataset: {out / 'campaign.zarr'} (xarray.open_zarr)   features: {out / 'features.parquet'}")
-    typer.echo(f"page: {out / PAGE}")
+    typer.echo(f"page: {page}")

@@ -9,8 +9,9 @@ import xarray as xr
 from plotly.subplots import make_subplots
 
 from harness.actuators.actuator import DEFAULT, Actuator
+from harness.provenance import Provenance
 from harness.show.curves import lines_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
 
 MOST_CASES = 2000
 """Cases drawn; more cannot be told apart and make the page heavy."""
@@ -23,8 +24,8 @@ COLOURED = "tracking_error_rms"
 SCALE = "Viridis"
 
 
-def page(held: xr.Dataset, command: str, actuator: Actuator = DEFAULT) -> str:
-    """The page as HTML text; `held` is the campaign's dataset, `command` the command line that makes it again."""
+def page(held: xr.Dataset, record: Provenance, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `held` is the campaign's dataset, `record` how it was made."""
     cases, failed = held.sizes["case"], np.flatnonzero(held["failure"].values != "")
     verdict = f"{len(failed)} of {cases} cases have failed" if len(failed) else f"{cases} cases flown, none has failed"
     frame, names = _frame(held), varied(held)
@@ -35,8 +36,8 @@ def page(held: xr.Dataset, command: str, actuator: Actuator = DEFAULT) -> str:
     return document(
         "EMA twins: campaign",
         f'<h1>Campaign</h1><p class="verdict {"over" if len(failed) else "ok"}">{verdict}.</p>{flown_actuator(actuator)}'
-        f"<p>{kept}</p>{_table_of_varied(held, names)}{_failures(held, failed, names)}{_sections(held, frame, names)}"
-        f"{origin(command)}",
+        f"<p>{kept}</p>{_table_of_varied(held, names)}{_failures(held, failed, names)}{_sections(held, frame, names)}",
+        record,
     )
 
 
