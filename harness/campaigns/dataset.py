@@ -15,6 +15,8 @@ from harness.campaigns.names import names
 from harness.campaigns.plan import Plan
 from harness.provenance import Provenance
 
+EVERY_CHUNK = {"array.write_empty_chunks": True}
+"""Of Zarr: a file for every chunk, also of values that are those of chunks without one; so one that is missing is lost."""
 REASON_LENGTH = 200
 """Characters kept of the reason why a case failed."""
 
@@ -28,7 +30,8 @@ def create(path: Path, plan: Plan, digest: str, fmus: Mapping[str, str], record:
     if record:
         dataset = dataset.assign_attrs(provenance=record.as_text())
     whole = {name: {"chunks": variable.shape or (1,)} for name, variable in dataset.coords.items()}
-    dataset.to_zarr(path, mode="w", encoding=whole, zarr_format=2, consolidated=False)
+    with zarr.config.set(EVERY_CHUNK):
+        dataset.to_zarr(path, mode="w", encoding=whole, zarr_format=2, consolidated=False)
     add_arrays(zarr.open_group(path, mode="r+"), plan, len(dataset["case"]))
     zarr.consolidate_metadata(path, zarr_format=2)
 

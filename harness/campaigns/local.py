@@ -29,7 +29,8 @@ ENVIRONMENT = dict.fromkeys(THREADS, "1") | {
     "MALLOC_MMAP_THRESHOLD_": str(2**25),
 }
 """Of the workers: one thread each, and freed memory is kept for the next run, which saves a tenth of a run of ELF+."""
-WORKER_CODE = "harness.campaigns.worker"
+LOADED = ["harness.campaigns.worker"]
+"""What the process loads that workers are forked from."""
 AHEAD = 2
 """Parts that a worker has: one at work, one waiting."""
 MOST_DEATHS = 3
@@ -42,7 +43,7 @@ JUST_MADE = 60.0
 def preload() -> None:
     """Begin the process that workers are forked from; it loads their code while this one goes on."""
     before = {name: os.environ.get(name) for name in ENVIRONMENT}
-    multiprocessing.get_context("forkserver").set_forkserver_preload([WORKER_CODE])
+    multiprocessing.get_context("forkserver").set_forkserver_preload(LOADED)
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: a Ctrl-C is for this process alone
     os.environ.update(ENVIRONMENT)
     try:

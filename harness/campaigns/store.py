@@ -59,7 +59,7 @@ class Store:
                 self._create()
         self._scratch: dict[str, Any] = {}
         group = zarr.open_group(zarr.storage.MemoryStore(self._scratch), mode="w", zarr_format=2)
-        with zarr.config.set({"array.write_empty_chunks": True}):
+        with zarr.config.set(dataset.EVERY_CHUNK):
             dataset.add_arrays(group, plan, plan.chunk)
             self._arrays: dict[str, Any] = {name: group[name] for name in dataset.arrays(plan.outputs)}
 

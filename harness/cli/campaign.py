@@ -110,7 +110,7 @@ def campaign(
         summary = _with_progress(run, plan, crew, fmus=folder, out=out, record=record)
     for line in summary.damaged:
         _tell(f"{line}; made again")
-    _print(summary, out, _write_page(out, record, chosen))
+    _print(summary, out, _write_page(out, summary, record, chosen))
     if summary.failures:
         sys.exit(1)
 
@@ -136,14 +136,14 @@ def _verify(out: Path) -> int:
     return 1
 
 
-def _write_page(out: Path, record: "Provenance", actuator: "Actuator") -> Path:
+def _write_page(out: Path, summary: "Summary", record: "Provenance", actuator: "Actuator") -> Path:
     import xarray as xr
 
     from harness.files import results
     from harness.show.campaign import page
 
     with xr.open_zarr(out / "campaign.zarr", chunks=None) as held:
-        content = page(held, record, actuator)
+        content = page(held, summary.failures, record, actuator)
     results.write(out / PAGE, content)  # the folder holds this campaign alone, and so this page
     return out / PAGE
 

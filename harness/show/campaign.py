@@ -1,5 +1,6 @@
 """The page of a campaign: its cases in parallel coordinates, features against what was varied, and what failed."""
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +14,8 @@ from harness.provenance import Provenance
 from harness.show.curves import lines_of
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
 
+MOST_READ = 20_000
+"""Cases whose features are read."""
 MOST_CASES = 2000
 """Cases drawn; more cannot be told apart and make the page heavy."""
 MOST_PANELS = 6
@@ -22,21 +25,28 @@ MOST_FAILURES = 50
 COLOURED = "tracking_error_rms"
 """The feature by which lines are coloured: every campaign has it."""
 SCALE = "Viridis"
+SIDE_BY_SIDE = 2
+"""Panels in a row, so that they can be read on a telephone."""
+SYMBOLS = ("circle", "x", "diamond", "triangle-up", "square", "cross")
+"""Markers of the trials."""
+WIDTH = 9.5
+"""Of an axis of the parallel coordinates [rem], at least."""
 
 
-def page(held: xr.Dataset, record: Provenance, actuator: Actuator = DEFAULT) -> str:
-    """The page as HTML text; `held` is the campaign's dataset, `record` how it was made."""
-    cases, failed = held.sizes["case"], np.flatnonzero(held["failure"].values != "")
-    verdict = f"{len(failed)} of {cases} cases have failed" if len(failed) else f"{cases} cases flown, none has failed"
-    frame, names = _frame(held), varied(held)
+def page(held: xr.Dataset, failures: Sequence[tuple[int, str]], record: Provenance, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `held` is the campaign's dataset, `failures` number and reason of each case that has failed,
+    `record` how it was made."""
+    cases, names = held.sizes["case"], varied(held)
+    verdict = f"{len(failures)} of {cases} cases have failed" if failures else f"{cases} cases flown, none has failed"
     kinds = ", ".join(_counted(name, len(set(held[name].values))) for name in ("trial", "fidelity"))
     kept = (
         f"{kinds}; what is kept: {', '.join(_outputs(held))}. The data: campaign.zarr and features.parquet beside this page."
     )
     return document(
         "EMA twins: campaign",
-        f'<h1>Campaign</h1><p class="verdict {"over" if len(failed) else "ok"}">{verdict}.</p>{flown_actuator(actuator)}'
-        f"<p>{kept}</p>{_table_of_varied(held, names)}{_failures(held, failed, names)}{_sections(held, frame, names)}",
+        f'<h1>Campaign</h1><p class="verdict {"over" if failures else "ok"}">{verdict}.</p>{flown_actuator(actuator)}'
+        f"<p>{kept}</p>{_table_of_varied(held, names)}{_failures(held, failures, names)}"
+        f"{_sections(held.isel(case=slice(None, None, _stride(cases, MOST_READ))), names)}",
         record,
     )
 
@@ -73,10 +83,9 @@ def _outputs(held: xr.Dataset) -> list[str]:
 
 
 def _frame(held: xr.Dataset) -> pd.DataFrame:
-    """Features of the cases that were flown, over the case's number."""
-    features = [str(name) for name in held["feature"].values]
-    frame = pd.DataFrame(held["features"].values, index=held["case"].values, columns=features)
-    return frame[held["failure"].values == ""]
+    """Features of the cases that were flown, over their places in `held`."""
+    frame = pd.DataFrame(held["features"].values, columns=[str(name) for name in held["feature"].values])
+    return frame[frame.notna().all(axis=1)]
 
 
 def _label(held: xr.Dataset, name: str) -> str:
@@ -84,8 +93,8 @@ def _label(held: xr.Dataset, name: str) -> str:
     return name if unit == "1" else f"{name} [{unit}]"
 
 
-def _thinned(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame.iloc[:: max(1, -(-len(frame) // MOST_CASES))]
+def _stride(count: int, most: int) -> int:
+    return max(1, -(-count // most))
 
 
 def _table_of_varied(held: xr.Dataset, names: Sequence[str]) -> str:
@@ -101,41 +110,48 @@ def _table_of_varied(held: xr.Dataset, names: Sequence[str]) -> str:
     return table("What is varied", ("Parameter", "Meaning", "Unit", "Least", "Greatest", "Values"), rows)
 
 
-def _failures(held: xr.Dataset, failed: np.ndarray, names: Sequence[str]) -> str:
+def _failures(held: xr.Dataset, failures: Sequence[tuple[int, str]], names: Sequence[str]) -> str:
     """The failed cases as a table, as HTML; empty if there are none."""
-    if not len(failed):
+    if not failures:
         return ""
-    said = [held[name].values for name in ("failure", "trial", "fidelity")]
+    columns = [held[name].values for name in ("trial", "fidelity", *names)]
     rows = [
-        (str(case), *(str(each[case]) for each in said), *(f"{float(held[name].values[case]):.4g}" for name in names))
-        for case in failed[:MOST_FAILURES]
+        (
+            str(case),
+            reason,
+            *(f"{column[case]:.4g}" if column.dtype.kind == "f" else str(column[case]) for column in columns),
+        )
+        for case, reason in failures[:MOST_FAILURES]
     ]
-    rest = f", the first {MOST_FAILURES} of {len(failed)}" if len(failed) > MOST_FAILURES else ""
+    rest = f", the first {MOST_FAILURES} of {len(failures)}" if len(failures) > MOST_FAILURES else ""
     heads = ("Case", "Reason", "Trial", "Fidelity", *(_label(held, name) for name in names))
     return f"<section><h2>Failures</h2>{table(f'Cases that have failed{rest}', heads, rows)}</section>"
 
 
-def _sections(held: xr.Dataset, frame: pd.DataFrame, names: Sequence[str]) -> str:
+def _sections(held: xr.Dataset, names: Sequence[str]) -> str:
     """The figures as HTML; none where too few cases are flown to compare."""
+    frame = _frame(held)
     if len(frame) < 2 or not names:
         return '<p class="note">With fewer than two cases that differ there is nothing to draw.</p>'
     related = relations(held, frame, names)
-    drawn_cases = _thinned(frame)
-    part = "" if len(drawn_cases) == len(frame) else f" {len(drawn_cases)} of the {len(frame)} cases are drawn."
+    shown = frame.iloc[:: _stride(len(frame), MOST_CASES)]
+    part = "" if len(shown) == len(frame) else f" Every {_stride(len(frame), MOST_CASES)}th case is drawn."
     panels = panel_pairs(related)
     less = "" if len(panels) == len(names) else f" {len(panels)} of the {len(names)} parameters, those that show most."
-    lines = drawn(
-        parallel(held, drawn_cases, names, panels), "Each case as a line over what was varied and its features.", "low"
+    lines = parallel(held, shown, names, panels)
+    pictures = "".join(
+        drawn(against(held, shown, pair), "; ".join(f"{feature} over {name}" for name, feature in pair), "low")
+        for pair in (panels[first : first + SIDE_BY_SIDE] for first in range(0, len(panels), SIDE_BY_SIDE))
     )
     return (
         f"<section><h2>Cases in parallel coordinates</h2><p>A line is a case, coloured by {COLOURED}. Drag along an axis to "
         f"select, drag an axis to move it.{part}</p>"
-        f'<div class="scroll" tabindex="0"><div style="min-width:{9 * (len(names) + 5)}rem">'
-        f"{lines}</div></div></section>"
+        f'<div class="scroll" tabindex="0"><div style="min-width:{WIDTH * len(lines.data[0].dimensions):g}rem">'
+        f"{drawn(lines, 'Each case as a line over what was varied and its features.', 'low')}</div></div></section>"
         "<section><h2>Features against faults</h2><p>Each parameter with the feature that follows it most closely, by rank "
-        f"correlation.{less}</p>{drawn(against(held, drawn_cases, panels), 'Features over the parameters varied.', 'low')}"
+        f"correlation within a trial and fidelity.{less}</p>{pictures}"
         "<p>Rank correlation of every feature with what was varied: 1 rises, -1 falls with it, 0 no monotone relation.</p>"
-        f"{drawn(correlations(held, related), 'Rank correlations of features and parameters.', 'low')}</section>"
+        f"{drawn(correlations(related), 'Rank correlations of features and parameters.', 'low')}</section>"
     )
 
 
@@ -186,7 +202,7 @@ def parallel(held: xr.Dataset, frame: pd.DataFrame, names: Sequence[str], panels
                 "showscale": True,
                 "colorbar": {"title": {"text": _label(held, COLOURED), "side": "right"}, "thickness": 12},
             },
-            labelfont={"size": 12},
+            labelfont={"size": 11},
         )
     )
     drawing.update_layout(**LAYOUT | {"margin": {"l": 70, "r": 20, "t": 60, "b": 30}})
@@ -194,27 +210,26 @@ def parallel(held: xr.Dataset, frame: pd.DataFrame, names: Sequence[str], panels
 
 
 def against(held: xr.Dataset, frame: pd.DataFrame, panels: Sequence[tuple[str, str]]) -> go.Figure:
-    """A panel for each parameter and its feature, coloured by fidelity."""
-    columns = min(3, len(panels))
-    drawing = make_subplots(rows=-(-len(panels) // columns), cols=columns, horizontal_spacing=0.11, vertical_spacing=0.24)
-    kinds = held["fidelity"].values[frame.index]
-    for place, (name, feature) in enumerate(panels):
-        where = {"row": 1 + place // columns, "col": 1 + place % columns}
+    """A panel for each parameter and its feature, side by side: a fidelity has its colour, a trial its marker."""
+    drawing = make_subplots(rows=1, cols=SIDE_BY_SIDE, horizontal_spacing=0.14)
+    kinds, trials = (held[name].values[frame.index] for name in ("fidelity", "trial"))
+    for column, (name, feature) in enumerate(panels, start=1):
         for fidelity, line in lines_of(kinds.tolist()).items():
-            rows = frame.index[kinds == fidelity].to_numpy()
-            drawing.add_scatter(
-                x=_rounded(held[name].values[rows].astype(float)), y=_rounded(frame.loc[rows, feature].to_numpy()),
-                text=[f"case {case}, {held['trial'].values[case]}" for case in rows], mode="markers", name=fidelity,
-                legendgroup=fidelity, showlegend=place == 0, marker={"size": 5, "color": line.colour, "opacity": 0.6},
-                **where,
-            )  # fmt: skip
-        drawing.update_xaxes(title={"text": _label(held, name), "font": {"size": 12}}, **where)
-        drawing.update_yaxes(title={"text": _label(held, feature), "font": {"size": 12}}, **where)
+            for trial, symbol in zip(dict.fromkeys(trials.tolist()), itertools.cycle(SYMBOLS), strict=False):
+                rows = frame.index[(kinds == fidelity) & (trials == trial)].to_numpy()
+                drawing.add_scatter(
+                    x=_rounded(held[name].values[rows].astype(float)), y=_rounded(frame.loc[rows, feature].to_numpy()),
+                    text=[f"case {case}" for case in held["case"].values[rows]], mode="markers", name=f"{fidelity}, {trial}",
+                    legendgroup=f"{fidelity}, {trial}", showlegend=column == 1,
+                    marker={"size": 6, "color": line.colour, "opacity": 0.65, "symbol": symbol}, row=1, col=column,
+                )  # fmt: skip
+        drawing.update_xaxes(title={"text": _label(held, name), "font": {"size": 12}}, row=1, col=column)
+        drawing.update_yaxes(title={"text": _label(held, feature), "font": {"size": 12}}, row=1, col=column)
     drawing.update_layout(**LAYOUT)
     return drawing
 
 
-def correlations(held: xr.Dataset, related: pd.DataFrame) -> go.Figure:
+def correlations(related: pd.DataFrame) -> go.Figure:
     """Rank correlations, features over parameters, blue where a feature falls and red where it rises."""
     drawing = go.Figure(
         go.Heatmap(
