@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 import xarray as xr
@@ -24,6 +26,8 @@ from harness.cli import app
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
 from harness.flight.twin import Twin
+from harness.provenance import provenance
+from harness.show import campaign as show
 from harness.trials import trial
 
 OPTIONS = {
@@ -242,3 +246,40 @@ def test_a_fault_that_does_nothing_in_the_actuator_is_refused(key, value):
     read_plan(None, options)
     read_plan(None, {**options, "grid": {**options.get("grid", {}), "gear.backlash": [0.0, 1e-4]}},
               actuator=read_actuator("maxon-linear-a"))  # fmt: skip
+
+
+def test_verify_tells_what_is_damaged_and_flies_nothing(undisturbed, tmp_path):
+    """Also with the standard tool, as the README says."""
+    copy = shutil.copytree(undisturbed, tmp_path / "copy")
+    told = CliRunner().invoke(app, ["campaign", "--verify", "--out", str(copy)])
+    assert told.exit_code == 0 and told.output == "200 of 200 cases are whole\n"
+    proven = subprocess.run(["sh", "-c", "sha256sum --check --quiet checksums/*"], cwd=copy, check=False)
+    assert proven.returncode == 0
+    victim = copy / "campaign.zarr" / "motor_speed" / "1.0"
+    victim.write_bytes(victim.read_bytes()[:-1])
+    (copy / "checksums" / "cases_128_191.sha256").unlink()
+    before = sorted(copy.rglob("*"))
+    told = CliRunner().invoke(app, ["campaign", "--verify", "--out", str(copy)])
+    assert told.exit_code == 1 and f"{victim}: is damaged" in told.output and "72 of 200 cases are whole" in told.output
+    assert sorted(copy.rglob("*")) == before
+    nothing = CliRunner().invoke(app, ["campaign", "--verify", "--out", str(tmp_path)])
+    assert isinstance(nothing.exception, HarnessError) and "holds no campaign" in str(nothing.exception)
+
+
+def test_the_page_shows_what_follows_what(undisturbed):
+    """More friction takes more energy; a figure has every case and every parameter that is varied."""
+    with xr.open_zarr(undisturbed / "campaign.zarr") as held:
+        assert show.varied(held) == ["fault.N_a", "fault.friction"]
+        frame = pd.DataFrame(held["features"].values, columns=held["feature"].values)
+        related = show.relations(held, frame, ["fault.friction"])
+        assert related.loc["energy_supply", "fault.friction"] > 0.95
+        ((name, feature),) = show.panel_pairs(related)
+        panel = show.against(held, frame, [(name, feature)])
+        assert panel.data[0].x == pytest.approx(held["fault.friction"].values, rel=1e-5)
+        assert panel.layout.xaxis.title.text == "fault.friction" and panel.layout.yaxis.title.text.endswith("]")
+        labels = [
+            each.label for each in show.parallel(held, frame, ["fault.friction"], [(name, feature)]).data[0].dimensions
+        ]
+        assert labels[0] == "fault.friction" and labels[-1] == "tracking_error_rms [rad]"
+        made = show.page(held, [(3, "it <broke>")], provenance(command="ema campaign"))
+    assert "1 of 200 cases have failed" in made and "it &lt;broke&gt;" in made and "Features against faults" in made

@@ -308,6 +308,15 @@ def test_cases_at_which_workers_die_are_recorded_and_the_others_flown(folder, tm
         assert held.position.isel(case=slice(0, 2)).isnull().all() and held.position.isel(case=slice(2, 4)).notnull().all()
 
 
+def test_what_a_campaign_here_does_not_need_is_not_loaded():
+    """Dask, compiled code (the workers' own), SciPy's statistics and Plotly took most of the seconds of its start."""
+    code = "import sys, harness.campaigns.planfile, harness.campaigns.run, harness.campaigns.local; print(*sys.modules)"
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
+    loaded = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
+    assert not {"distributed", "dask", "numba", "scipy.stats", "plotly"} & set(loaded.split())
+    assert "harness.campaigns.run" in loaded.split()
+
+
 def test_no_more_workers_than_cases(folder, tmp_path):
     with Local(8) as crew:
         run(read_plan(None, {"grid": {"fault.friction": [1.0, 2.0]}}), crew, fmus=folder, out=tmp_path)

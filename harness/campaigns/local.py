@@ -34,7 +34,7 @@ LOADED = ["harness.campaigns.worker"]
 AHEAD = 2
 """Parts that a worker has: one at work, one waiting."""
 MOST_DEATHS = 3
-"""Workers that may die of a case before it counts as failed."""
+"""Workers that may die of a case before it counts as failed, or in a row as they begin before the campaign ends."""
 SCRATCH = "ema_campaign_"
 JUST_MADE = 60.0
 """A folder [s] that may not be held yet."""
@@ -66,6 +66,7 @@ class Local:
         self._waiting: deque[Batch] = deque()
         self._failed: deque[tuple[Batch, Result]] = deque()
         self._deaths: dict[int, int] = {}
+        self._stillborn = 0
 
     def __enter__(self) -> Self:
         return self
@@ -135,10 +136,11 @@ class Local:
     def _replace(self, dead: "_Worker") -> None:
         """A new worker for a dead one; what it was at is flown again, case by case, the rest as it was."""
         code = dead.end()
-        if not dead.ready:
+        self._stillborn = 0 if dead.ready else self._stillborn + 1
+        if self._stillborn >= MOST_DEATHS:
             raise HarnessError(f"the worker processes end as they begin, with exit code {code}; --workers N gives fewer")
         self._crew[self._crew.index(dead)] = _Worker(*self._begin)
-        if dead.parts:
+        if dead.parts and dead.ready:
             part = dead.parts.popleft()
             case = part.cases[0]
             self._deaths[case] = self._deaths.get(case, 0) + (len(part) == 1)
