@@ -269,7 +269,7 @@ def test_verify_tells_what_is_damaged_and_flies_nothing(undisturbed, tmp_path):
 def test_the_page_shows_what_follows_what(undisturbed):
     """More friction takes more energy; a figure has every case and every parameter that is varied."""
     with xr.open_zarr(undisturbed / "campaign.zarr") as held:
-        assert show.varied(held) == ["fault.N_a", "fault.friction"]
+        assert show.varied(held) == ["fault.friction", "fault.N_a"]
         frame = pd.DataFrame(held["features"].values, columns=held["feature"].values)
         related = show.relations(held, frame, ["fault.friction"])
         assert related.loc["energy_supply", "fault.friction"] > 0.95

@@ -72,10 +72,14 @@ def dask(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
         return started[-1]
 
     yield start
-    for process in started:
+    for process in reversed(started):  # the workers first, that they look for no scheduler
         process.terminate()
     for process in started:
-        process.wait()
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 @pytest.fixture

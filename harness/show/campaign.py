@@ -9,6 +9,7 @@ import plotly.graph_objects as go
 import xarray as xr
 from plotly.subplots import make_subplots
 
+from ema_fmu_src import ports
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.provenance import Provenance
 from harness.show.curves import lines_of
@@ -52,15 +53,13 @@ def page(held: xr.Dataset, failures: Sequence[tuple[int, str]], record: Provenan
 
 
 def varied(held: xr.Dataset) -> list[str]:
-    """The parameters that are not the same in all cases and that were chosen, not set by a fidelity."""
-    per_fidelity = held["fidelity"].values
+    """The parameters that are not the same in all cases of a fidelity."""
+    of_fidelity = [held["fidelity"].values == name for name in np.unique(held["fidelity"].values)]
     found = []
-    for name in held.coords:
-        if held[name].dims != ("case",) or name in ("case", "trial", "fidelity") or held[name].dtype.kind not in "fiub":
-            continue
+    for name in (port.name for port in ports.VARIABLES if port.name in held.coords):
         values = held[name].values
-        if any(len(np.unique(values[per_fidelity == fidelity])) > 1 for fidelity in np.unique(per_fidelity)):
-            found.append(str(name))
+        if any(len(np.unique(values[rows])) > 1 for rows in of_fidelity):
+            found.append(name)
     return found
 
 
