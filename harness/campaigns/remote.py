@@ -60,6 +60,8 @@ class Remote:
         self._address, self._tell = address, tell
         self._out: dict[Future, Batch] = {}
         self._failed: deque[tuple[Batch, Result]] = deque()
+        self._suspects: deque[Batch] = deque()
+        self._alone: Batch | None = None
         self.threads = 0
         try:
             self._connect()
@@ -119,12 +121,12 @@ class Remote:
     @property
     def hungry(self) -> bool:
         """Whether a worker would soon have nothing to do."""
-        return len(self._out) < AHEAD * max(self.threads, 1)
+        return self._alone is None and len(self._out) < AHEAD * max(self.threads, 1)
 
     @property
     def busy(self) -> bool:
         """Whether there is a result to wait for."""
-        return bool(self._failed or self._out)
+        return bool(self._failed or self._out or self._suspects)
 
     def submit(self, part: Batch) -> None:
         """Have a part flown."""
@@ -138,20 +140,27 @@ class Remote:
     def result(self) -> tuple[Batch, Result]:
         """Waits for the result of a part, or of a case of it that was flown alone.
 
-        HarnessError if the cluster has gone and does not come back.
+        Dask blames all that a dead worker had. So the cases of such parts are flown when the others are done, one at a time:
+        only one of which a worker dies then has failed. HarnessError if the cluster has gone and does not come back.
         """
         while not self._failed:
+            if not self._out:
+                self._alone = self._suspects.popleft()
+                self.submit(self._alone)
             future = next(self._finished)
             if future not in self._out:  # of a cluster that has gone since
                 continue
             part = self._out.pop(future)
             try:
-                return part, future.result()
+                result: Result = future.result()
+                self._alone = None
+                return part, result
             except KilledWorker:
-                if len(part) == 1:
+                if part is self._alone:
                     self._failed.append((part, died(part, self._shared)))
-                for place in range(len(part) if len(part) > 1 else 0):
-                    self.submit(part.alone(place))
+                    self._alone = None
+                else:
+                    self._suspects.extend(part.alone(place) for place in range(len(part)))
             except (ImportError, AttributeError, KeyError) as error:
                 raise HarnessError(
                     f"the workers cannot fly: {error!r}; they need the ema-twins {__version__} that runs here"
