@@ -14,7 +14,8 @@ from ema_fmu_src.fidelities import fmu_name
 from ema_fmu_src.fmu.build import RUNTIMES, build
 
 SLOWEST = (
-    "test_hosts", "test_examples", "test_campaign", "test_identify", "test_monitor", "test_packing",
+    "test_hosts", "test_examples", "test_campaign", "test_campaign_kept", "test_campaign_cluster", "test_identify",
+    "test_monitor", "test_packing",
     "test_build_actuator", "test_calibrate", "test_inference", "test_bench_actuators", "test_slow_logs", "test_rippled",
     "test_check", "test_bench", "test_bits", "test_drive", "test_python_runtime", "test_cli",
 )  # fmt: skip

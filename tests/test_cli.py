@@ -39,7 +39,7 @@ def test_run_writes_json_trajectories_and_page(
     assert "report.html" in told
 
     written = json.loads(json_file.read_text())
-    assert set(written) == {"actuator", "runs", "comparisons"}
+    assert set(written) == {"actuator", "runs", "comparisons", "provenance"}
     assert {run["fidelity"] for run in written["runs"]} == {"HF", "ELF", "ELF+", "LF"}
     for run in written["runs"]:
         assert set(run) == {"trial", "fidelity", "wall_s", "simulated_s"}

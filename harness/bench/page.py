@@ -4,7 +4,8 @@ import plotly.graph_objects as go
 
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.bench.speed import REFERENCE, VARIABLES, Speed
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
+from harness.provenance import Provenance
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
 """Caption, headings, rows."""
@@ -29,7 +30,7 @@ def figure(speed: Speed) -> go.Figure:
     return drawing
 
 
-def page(tables: list[Table], speed: Speed, command: str, actuator: Actuator = DEFAULT) -> str:
+def page(tables: list[Table], speed: Speed, record: Provenance, actuator: Actuator = DEFAULT) -> str:
     """One self-contained page with the figure and the tables that the terminal shows, of `actuator`."""
     shown = drawn(
         figure(speed), "Error of position against wall time, by fidelity and trial; the tables have the figures.", "low"
@@ -38,6 +39,6 @@ def page(tables: list[Table], speed: Speed, command: str, actuator: Actuator = D
         "EMA twins: speed and accuracy",
         f"<h1>Speed and accuracy</h1>{flown_actuator(actuator)}<p>Errors are NRMSE against HF at a fixed step of 1e-7 s; "
         f"wall time per simulated second on one core, median of several.</p>{shown}"
-        f"{''.join(table(*each) for each in tables)}"
-        f"{origin(command)}",
+        f"{''.join(table(*each) for each in tables)}",
+        record,
     )

@@ -9,7 +9,8 @@ from scipy.stats import beta
 
 from harness.bench.jobs import CALIBRATED, Found
 from harness.bench.table import COVERED, ERRORS, Table, confusion, labels, of_actuators, of_part, present
-from harness.show.page import LAYOUT, document, drawn, origin, table
+from harness.provenance import Provenance
+from harness.show.page import LAYOUT, document, drawn, table
 
 
 def coverage_figure(found: Sequence[Found]) -> go.Figure:
@@ -83,7 +84,7 @@ def confusion_figure(found: Sequence[Found]) -> go.Figure:
     return drawing
 
 
-def page(found: Sequence[Found], tables: Sequence[Table], command: str, kept: Mapping[str, Any]) -> str:
+def page(found: Sequence[Found], tables: Sequence[Table], record: Provenance, kept: Mapping[str, Any]) -> str:
     """One self-contained page with the figures and the tables that the terminal shows; `kept`: seed and rate."""
     shown = ""
     if of_actuators(found, CALIBRATED, faulted=True) or of_part(found, "exact"):
@@ -100,5 +101,6 @@ def page(found: Sequence[Found], tables: Sequence[Table], command: str, kept: Ma
         "<h1>Actuators that nobody knows exactly</h1><p>The plant is HF with hidden parameters, drawn around the default "
         f"actuator's; {len(found)} cases at {kept['rate']:g} rows a second, seed {kept['seed']}. "
         "Times are those of one core.</p>"
-        f"{shown}{''.join(table(*each) for each in tables)}{origin(command)}",
+        f"{shown}{''.join(table(*each) for each in tables)}",
+        record,
     )

@@ -10,11 +10,12 @@ from scipy.signal import welch
 
 from harness.calibration.result import Calibration, Curves, Nuisance
 from harness.logs.hints import percent
+from harness.provenance import Provenance
 from harness.replay.page import figure as replayed
 from harness.replay.replay import Replay
 from harness.show.curves import RESIDUAL, Line, curve, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
 
 Array = NDArray[np.float64]
 
@@ -27,8 +28,8 @@ SEGMENT = 256
 """Rows of a segment of a spectrum (Welch 1967)."""
 
 
-def page(found: Calibration, command: str) -> str:
-    """The page as HTML text; `command` is the command line that makes it again."""
+def page(found: Calibration, record: Provenance) -> str:
+    """The page as HTML text; `record` says where it comes from."""
     names = ", ".join(item.run.name for item in found.curves)
     verdict = "not all is explained" if found.complaints else "every log is explained"
     lines = (*found.complaints, *found.remarks)
@@ -43,7 +44,8 @@ def page(found: Calibration, command: str) -> str:
         f"{table('What the bench adds: value +- sigma', NUISANCES, nuisance_rows(found))}"
         f"{table('What is left, beside what the bench adds', RESTS, rest_rows(found))}"
         f"{table('The logs flown again with the calibrated values alone', FIGURES, figure_rows(found))}"
-        f"{''.join(map(_fitted, found.curves))}{''.join(map(_checked, found.checks))}{origin(command)}",
+        f"{''.join(map(_fitted, found.curves))}{''.join(map(_checked, found.checks))}",
+        record,
     )
 
 

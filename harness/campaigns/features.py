@@ -10,31 +10,22 @@ The sums are compiled: between two runs the caches are cold, and many calls of N
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
+from harness.campaigns.names import HARMONICS
 
 Array = NDArray[np.float64]
-
-HARMONICS = 6
 NEEDED = (
     "position", "motor_position", "motor_speed", "equivalent_current_filtered", "supply_current", "copper_loss",
     "voltage_saturated",
 )  # fmt: skip
 """Outputs from which features are computed."""
 PAIRS = float(ports.VARIABLES[ports.INDEX["motor.p"]].start)
-
-
-def names(kept: Sequence[str]) -> list[str]:
-    """Names of the features, in order, if the outputs `kept` are kept."""
-    of_outputs = [f"{name}_{kind}" for name in kept for kind in ("rms", "range")]
-    harmonics = [f"current_harmonic_{k}" for k in range(1, HARMONICS + 1)]
-    return [*of_outputs, "tracking_error_rms", "tracking_error_max", *harmonics, "energy_supply", "energy_copper",
-            "saturated_part"]  # fmt: skip
 
 
 def features(

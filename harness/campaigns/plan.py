@@ -8,15 +8,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.fidelity import Fidelity
 from harness.trials import Trial
 
-SAMPLINGS = {"lhs": qmc.LatinHypercube, "sobol": qmc.Sobol}
+SAMPLINGS = {"lhs": "LatinHypercube", "sobol": "Sobol"}
+"""Names, and the classes of `scipy.stats.qmc` that draw them."""
 OUTPUTS = ("position", "motor_speed", "equivalent_current_filtered")
 RATE = 500.0
+MOST_TOGETHER = 64
+"""Cases in a chunk of the dataset, at most."""
+TOGETHER = 160.0
+"""Simulated seconds in a chunk of the dataset, at most, if that is more than one case: what a kill can cost."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,12 @@ class Plan:
         """Times that are kept [s], shape (n_times,)."""
         return self.trials[0].time[:: self.every]
 
+    @property
+    def chunk(self) -> int:
+        """Cases in a chunk of the dataset; the plan alone decides, so that the bytes are the same on every machine."""
+        duration = float(self.trials[0].time[-1] - self.trials[0].time[0])
+        return max(1, min(MOST_TOGETHER, int(TOGETHER / max(duration, 1e-9))))
+
     def table(self) -> Table:
         """All cases, by fidelity, then by trial; the same table for the same plan on every machine."""
         blocks = [self._samples()] if not self.listed else [np.array(list(self.listed.values())).T]
@@ -95,8 +105,11 @@ class Plan:
         """Points of the ranges, shape (samples, n_ranges)."""
         if not self.ranges:
             return np.empty((self.samples, 0))
+        from scipy.stats import qmc  # a second to load, and needed for ranges only
+
+        draw = getattr(qmc, SAMPLINGS[self.sampling])
         with np.errstate(all="ignore"):
-            points = SAMPLINGS[self.sampling](len(self.ranges), rng=np.random.default_rng(self.seed)).random(self.samples)
+            points = draw(len(self.ranges), rng=np.random.default_rng(self.seed)).random(self.samples)
         low, high = np.array(list(self.ranges.values())).T
         return low + np.asarray(points) * (high - low)
 
@@ -110,6 +123,7 @@ class Plan:
             [(name, noise.sigma, noise.relative) for name, noise in self.noise.items()],
             self.outputs, self.every, self.seed,
             *([self.actuator.output.lead] if self.actuator.output.lead is not None else []),
+            *([{"chunk": self.chunk}] if self.chunk != MOST_TOGETHER else []),
         ])  # fmt: skip
         whole = hashlib.sha256(described.encode())
         for trial in self.trials:

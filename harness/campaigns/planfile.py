@@ -1,11 +1,10 @@
 """A plan from a TOML file and from options: every value is checked, and an error names the place of what cannot be flown."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from ema_fmu_src import ports
 from harness.actuators.actuator import DEFAULT, Actuator, Output
@@ -100,9 +99,10 @@ def _check(plan: Plan, where: Mapping[str, str]) -> None:
             f"{where.get('rate')}: {plan.rate:g} Hz does not divide {1.0 / first.step:g} Hz, the rate of the runs"
         )
     rows = len(next(iter(plan.listed.values()))) if plan.listed else plan.samples
-    count = rows * len(plan.trials) * len(plan.fidelities) * int(np.prod([len(v) for v in plan.grid.values()]))
+    points = math.prod(len(values) for values in plan.grid.values())
+    count = rows * len(plan.trials) * len(plan.fidelities) * points
     if count > MOST_CASES:
-        raise HarnessError(f"{count} cases are more than {MOST_CASES}; split the campaign")
+        raise HarnessError(f"{count:,} cases are more than {MOST_CASES:,}; split the campaign")
 
 
 def _toml(path: Path) -> dict[str, Any]:

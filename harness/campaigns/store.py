@@ -1,11 +1,13 @@
-"""The dataset of a campaign on disk: a Zarr store that plain xarray opens, filled batch by batch, and features as Parquet.
+"""The dataset of a campaign on disk: a Zarr store that plain xarray opens, filled chunk by chunk, and features as Parquet.
 
-A batch is written as whole chunks. Its chunk of `done` comes last, so that a batch that was interrupted is flown again.
+A chunk of cases counts as done when `checksums.py` proves every file of it; else it is flown again.
 """
 
 import json
-from collections.abc import Mapping
-from importlib.metadata import version
+import os
+import shutil
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -15,168 +17,203 @@ import pyarrow.parquet as pq
 import xarray as xr
 import zarr
 
-from ema_fmu_src import __version__, ports
-from harness.campaigns import features
+from harness.campaigns import checksums, dataset
+from harness.campaigns.batch import Result
+from harness.campaigns.checksums import Checksums
 from harness.campaigns.plan import Plan
-from harness.campaigns.worker import Result
 from harness.errors import HarnessError
+from harness.provenance import Provenance
 
-BATCH = 64
-"""Cases in a batch, and in a chunk."""
 PARQUET_ROWS = 65536
 """Cases that are in memory at a time while the Parquet file is written."""
-REASON_LENGTH = 200
-"""Characters kept of the reason why a case failed."""
+READERS = 4
+"""Threads that check files: disks answer several at a time."""
 STORE, FEATURES = "campaign.zarr", "features.parquet"
+BEGUN = "dataset"
+"""The entry of the checksums for all that is there before a case is flown."""
 
 
 class Store:
     """The dataset of a plan in `folder`, created, or opened where it was left; `fmus`: file name -> hash of each FMU.
 
-    HarnessError if the folder holds the dataset of another plan.
+    `record`: how it is made. What of it is damaged is in `damaged`, a line each, and made again. HarnessError if the folder
+    holds another plan's.
     """
 
-    def __init__(self, folder: Path, plan: Plan, fmus: Mapping[str, str]) -> None:
-        self.path = folder / STORE
-        self._features = folder / FEATURES
+    def __init__(self, folder: Path, plan: Plan, fmus: Mapping[str, str], record: Provenance | None = None) -> None:
+        self.folder, self.path = folder, folder / STORE
         self.plan, self.table = plan, plan.table()
-        self.digest = digest = plan.digest(fmus)
-        if self.path.exists():
-            group = self._opened(digest)
+        self.digest = plan.digest(fmus)
+        self.damaged: list[str] = []
+        self._fmus, self._record = fmus, record
+        self._checksums = Checksums(folder)
+        self._tidy()
+        begun = [f"{STORE}/{name}" for name in dataset.begun(dataset.coordinates_of(plan), plan.outputs)]
+        if not self.path.exists():
+            shutil.rmtree(folder / checksums.CHECKSUMS, ignore_errors=True)
+            self._create()
         else:
-            self._create(digest, fmus)
-            group = zarr.open_group(self.path, mode="r+")
-        self._arrays: dict[str, Any] = dict(group.arrays())
+            self._refuse_others()
+            if problems := self._checksums.problems(BEGUN, begun):
+                self.damaged += problems
+                self._create()
+        self._scratch: dict[str, Any] = {}
+        group = zarr.open_group(zarr.storage.MemoryStore(self._scratch), mode="w", zarr_format=2)
+        with zarr.config.set(dataset.EVERY_CHUNK):
+            dataset.add_arrays(group, plan, plan.chunk)
+            self._arrays: dict[str, Any] = {name: group[name] for name in dataset.arrays(plan.outputs)}
 
-    def _opened(self, digest: str) -> zarr.Group:
-        try:
-            group = zarr.open_group(self.path, mode="r+")
-            held = group.attrs.get("campaign_sha256")
-        except Exception as error:  # noqa: BLE001 - zarr raises whatever its codecs and stores raise
-            raise HarnessError(f"{self.path}: cannot be opened: {error}; delete it or choose another --out") from None
-        if held != digest:
+    def _tidy(self) -> None:
+        """Take away what was being written when a campaign was killed."""
+        shutil.rmtree(self.path.with_suffix(".new"), ignore_errors=True)
+        for folder in (
+            self.folder,
+            self.folder / checksums.CHECKSUMS,
+            *(self.path / n for n in dataset.arrays(self.plan.outputs)),
+        ):
+            for left in folder.glob(f"*{checksums.PART}"):
+                left.unlink(missing_ok=True)
+
+    def _refuse_others(self) -> None:
+        """HarnessError unless the store says that it is this campaign's, in one of the two places where it says so."""
+        held = set()
+        for name, keys in ((".zattrs", ()), (".zmetadata", ("metadata", ".zattrs"))):
+            try:
+                found = json.loads((self.path / name).read_bytes())
+                for key in keys:
+                    found = found[key]
+                held.add(found["campaign_sha256"])
+            except (OSError, ValueError, KeyError, TypeError):
+                continue
+        if self.digest in held:
+            return
+        if held:
             raise HarnessError(
                 f"{self.path}: holds another campaign (other cases, seed, FMUs or outputs); choose another --out"
             )
-        return group
-
-    def _create(self, digest: str, fmus: Mapping[str, str]) -> None:
-        """Create the empty store, under another name until it is whole."""
-        made = self.path.with_suffix(".new")
-        dataset = _coordinates(self.plan, digest, fmus)
-        whole = {name: {"chunks": variable.shape or (1,)} for name, variable in dataset.coords.items()}
-        features_of_each = len(features.names(self.plan.outputs))
-        try:
-            dataset.to_zarr(made, mode="w", encoding=whole, zarr_format=2, consolidated=False)
-            group = zarr.open_group(made, mode="r+")
-            for name in self.plan.outputs:
-                attributes = _attributes(self.plan, name)
-                self._add(group, name, "float32", np.nan, attributes, time=len(self.plan.time))
-            self._add(group, "features", "float64", np.nan, {}, feature=features_of_each)
-            self._add(group, "failure", f"<U{REASON_LENGTH}", None, {"long_name": "Why the case failed; empty if not"})
-            self._add(group, "done", "bool", None, {"long_name": "Whether the case has been flown"})
-            zarr.consolidate_metadata(made, zarr_format=2)
-            made.rename(self.path)
-        except OSError as error:
-            raise HarnessError(f"{self.path}: cannot be written: {error.strerror}") from None
-
-    def _add(self, group: zarr.Group, name: str, kind: str, fill: Any, attributes: dict[str, str], **others: int) -> None:
-        """Add an array over the cases and the dimensions `others` (name = size); it takes no space until it is filled."""
-        group.create_array(
-            name,
-            shape=(len(self.table), *others.values()),
-            chunks=(BATCH, *others.values()),
-            dtype=kind,
-            fill_value=fill,
-            attributes={"_ARRAY_DIMENSIONS": ["case", *others], **attributes},
+        raise HarnessError(
+            f"{self.path}: cannot be opened: its .zattrs and .zmetadata are both damaged; delete it or choose another --out"
         )
 
-    def batches(self) -> list[range]:
-        """The cases of each batch that is not yet done."""
-        done = np.asarray(self._arrays["done"][:])
-        count = len(self.table)
-        whole = [range(first, min(first + BATCH, count)) for first in range(0, count, BATCH)]
-        return [cases for cases in whole if not done[cases.start]]
+    def _create(self) -> None:
+        """Create the empty store under another name, and give it its own when it is whole; or mend the one that is there."""
+        made = self.path.with_suffix(".new")
+        try:
+            dataset.create(made, self.plan, self.digest, self._fmus, self._record)
+            files = sorted(path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file())
+            hashes = {f"{STORE}/{name}": checksums.of_file(made / name) for name in files}
+            if self.path.exists():
+                for name in files:
+                    (self.path / name).parent.mkdir(exist_ok=True)
+                    (made / name).replace(self.path / name)
+                shutil.rmtree(made)
+            else:
+                made.rename(self.path)
+            self._checksums.add(BEGUN, hashes)
+        except OSError as error:
+            shutil.rmtree(made, ignore_errors=True)
+            raise HarnessError(f"{self.path}: cannot be written: {error.strerror}") from None
+
+    def chunks(self) -> list[range]:
+        """The cases of each chunk."""
+        return chunks(len(self.table), self.plan.chunk)
+
+    def waiting(self) -> list[range]:
+        """The cases of each chunk that is not yet done; those that were and are no longer whole are in `damaged`."""
+        found = []
+        for cases, begun, problems in checked(self._checksums, self.chunks(), self.plan.chunk, self.plan.outputs):
+            if problems:
+                found.append(cases)
+                self.damaged += problems if begun else []
+        return found
 
     def write(self, cases: range, result: Result) -> None:
-        """Write the result of a batch; it counts as done when all of it is written."""
-        rows = slice(cases.start, cases.stop)
+        """Write the result of a whole chunk; it counts as done when all of it is on the disk.
+
+        HarnessError if the disk does not take it; what was done before is kept.
+        """
+        rows = slice(0, len(cases))
+        for name, array in self._arrays.items():
+            array[:] = array.fill_value if name != "failure" else ""
         for place, name in enumerate(self.plan.outputs):
             self._arrays[name][rows] = result.values[:, place]
         self._arrays["features"][rows] = result.features
-        if any(result.failures):
-            self._arrays["failure"][rows] = np.array(
-                [reason[:REASON_LENGTH] for reason in result.failures], dtype=f"<U{REASON_LENGTH}"
-            )
+        reasons = [reason[: dataset.REASON_LENGTH] for reason in result.failures]
+        self._arrays["failure"][rows] = np.array(reasons, dtype=f"<U{dataset.REASON_LENGTH}")
         self._arrays["done"][rows] = True
+        files = zip(_files(0, self.plan.outputs), _files(cases.start // self.plan.chunk, self.plan.outputs), strict=True)
+        try:
+            hashes = {
+                target: checksums.write(self.folder / target, self._scratch[source.removeprefix(f"{STORE}/")].to_bytes())
+                for source, target in files
+            }
+            self._checksums.add(_entry(cases), hashes)
+        except OSError as error:
+            raise HarnessError(self._kept(error)) from None
+
+    def _kept(self, error: OSError) -> str:
+        return (
+            f"{self.folder}: cannot be written: {error.strerror}; what is done is kept: "
+            "make room, and the same command goes on"
+        )
 
     def finish(self) -> list[tuple[int, str]]:
         """Write the features as Parquet; returns number and reason of each case that failed."""
-        made, failed = self._features.with_suffix(".new"), []
+        made, failed = self.folder / f"{FEATURES}{checksums.PART}", []
         writer: pq.ParquetWriter | None = None
-        for first in range(0, len(self.table), PARQUET_ROWS):
-            part = self._dataframe(slice(first, first + PARQUET_ROWS))
-            writer = writer or pq.ParquetWriter(made, part.schema)
-            writer.write_table(part)
-            reasons = enumerate(part.column("failure").to_pylist(), start=first)
-            failed += [(case, reason) for case, reason in reasons if reason]
-        assert writer is not None  # a plan has at least one case
-        writer.close()
-        made.replace(self._features)
+        if self._checksums.has("features"):
+            self.damaged += self._checksums.problems("features", [FEATURES])
+        try:
+            with made.open("wb") as file:
+                for first in range(0, len(self.table), PARQUET_ROWS):
+                    part = self._dataframe(slice(first, first + PARQUET_ROWS))
+                    writer = writer or pq.ParquetWriter(file, part.schema)
+                    writer.write_table(part)
+                    reasons = enumerate(part.column("failure").to_pylist(), start=first)
+                    failed += [(case, reason) for case, reason in reasons if reason]
+                assert writer is not None  # a plan has at least one case
+                writer.close()
+                file.flush()
+                os.fsync(file.fileno())
+            made.replace(self.folder / FEATURES)
+            self._checksums.add("features", {FEATURES: checksums.of_file(self.folder / FEATURES)})
+        except OSError as error:
+            made.unlink(missing_ok=True)
+            raise HarnessError(self._kept(error)) from None
         return failed
 
     def _dataframe(self, cases: slice) -> pa.Table:
         """Parameters, failures and features of some cases, for the Parquet file."""
-        dataset = xr.open_zarr(self.path).isel(case=cases)
-        columns: dict[str, Any] = {"case": dataset["case"].values}
-        columns |= {name: dataset[name].values for name in ("trial", "fidelity", *self.table.names, "failure")}
-        values = dataset["features"].values
-        columns |= {str(name): values[:, place] for place, name in enumerate(dataset["feature"].values)}
+        held = xr.open_zarr(self.path, chunks=None).isel(case=cases)
+        columns: dict[str, Any] = {"case": held["case"].values}
+        columns |= {name: held[name].values for name in ("trial", "fidelity", *self.table.names, "failure")}
+        values = held["features"].values
+        columns |= {str(name): values[:, place] for place, name in enumerate(held["feature"].values)}
         return pa.table(columns).replace_schema_metadata({"campaign_sha256": self.digest})
 
 
-def _coordinates(plan: Plan, digest: str, fmus: Mapping[str, str]) -> xr.Dataset:
-    """Coordinates and attributes of the dataset, which are known before any case is flown."""
-    table = plan.table()
-    coordinates: dict[str, Any] = {
-        "case": np.arange(len(table)),
-        "time": ("time", plan.time, {"units": "s"}),
-        "feature": np.array(features.names(plan.outputs)),
-        "trial": ("case", np.array([trial.name for trial in plan.trials])[table.trial]),
-        "fidelity": ("case", np.array([fidelity.name for fidelity in plan.fidelities])[table.fidelity]),
-    }
-    for name, series in _parameters(plan).items():
-        coordinates[name] = ("case", plan.actuator.output.outside(name, series), _attributes(plan, name))
-    attributes = {
-        "campaign_sha256": digest,
-        "fmu_sha256": json.dumps(dict(sorted(fmus.items()))),
-        "seed": plan.seed,
-        "actuator": plan.actuator.name,
-        "actuator_sha256": plan.actuator.sha256,
-        "noise": json.dumps({name: vars(noise) for name, noise in plan.noise.items()}),
-        "versions": json.dumps({"ema-twins": __version__} | {name: version(name) for name in ("fmpy", "numpy", "scipy")}),
-    }
-    return xr.Dataset(coords=coordinates, attrs=attributes)
+def chunks(cases: int, together: int) -> list[range]:
+    """The numbers of `cases` cases, chunk by chunk."""
+    return [range(first, min(first + together, cases)) for first in range(0, cases, together)]
 
 
-def _attributes(plan: Plan, name: str) -> dict[str, str]:
-    """Unit and meaning of a port as the data set has it: outside, for an actuator with a rod."""
-    return {"units": plan.actuator.output.unit(name), "long_name": plan.actuator.output.meaning(name)}
+def checked(
+    sums: Checksums, parts: Iterable[range], together: int, outputs: Iterable[str]
+) -> Iterable[tuple[range, bool, list[str]]]:
+    """Of each chunk: its cases, whether it has been there, and what is wrong with it."""
+
+    def one(cases: range) -> tuple[range, bool, list[str]]:
+        name = _entry(cases)
+        return cases, sums.has(name), sums.problems(name, _files(cases.start // together, outputs))
+
+    with ThreadPoolExecutor(READERS) as pool:
+        yield from pool.map(one, parts)
 
 
-def _parameters(plan: Plan) -> dict[str, np.ndarray]:
-    """Every parameter, and every input that is held: its value in each case, by default the start of the case's fidelity."""
-    table = plan.table()
-    models = [fidelity.fmu.removeprefix("EMA_").removesuffix(".fmu") for fidelity in plan.fidelities]
-    held = [port for port in ports.INPUTS if port.name in table.names]
-    values = {}
-    for variable in (*ports.PARAMETERS, *held):
-        if variable.name in table.names:
-            series = table.values[:, table.names.index(variable.name)]
-        else:
-            series = np.array([variable.start_for(model) for model in models])[table.fidelity]
-        for place, fidelity in enumerate(plan.fidelities):
-            if variable.name in fidelity.parameters:
-                series = np.where(table.fidelity == place, fidelity.parameters[variable.name], series)
-        values[variable.name] = series
-    return values
+def _entry(cases: range) -> str:
+    return f"cases_{cases.start}_{cases.stop - 1}"
+
+
+def _files(place: int, outputs: Iterable[str]) -> list[str]:
+    """The files of the chunk at `place`, of every array, by their path in the campaign's folder."""
+    return [f"{STORE}/{name}/{place}{'.0' * (dimensions - 1)}" for name, dimensions in dataset.arrays(list(outputs)).items()]

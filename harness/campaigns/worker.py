@@ -1,4 +1,4 @@
-"""What a Dask worker does: it flies batches of cases, with FMUs that are sent by content and stay open."""
+"""What a worker does, wherever it runs: it flies batches of cases, with FMUs that are sent by content and stay open."""
 
 import contextlib
 import hashlib
@@ -7,16 +7,16 @@ import shutil
 import tempfile
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from distributed import WorkerPlugin
 from numpy.typing import NDArray
 
-from ema_fmu_src import __version__, ports
-from harness.actuators.actuator import DEFAULT, Output
+from ema_fmu_src import ports
 from harness.campaigns import features
+from harness.campaigns.batch import Batch, Result, Shared, blank
+from harness.campaigns.names import names
 from harness.campaigns.plan import Noise
 from harness.errors import HarnessError
 from harness.fidelity import Fidelity
@@ -31,100 +31,50 @@ SUPPLY = float(ports.VARIABLES[ports.INDEX["supply_voltage"]].start)
 """Supply voltage [V] of a run that sets none."""
 
 
-@dataclass(frozen=True)
-class Shared:
-    """What all cases of a campaign share. `digest`: the campaign's; `fmus`: file name -> SHA-256 and content; `output`: the
-    actuator's, in whose units outside everything is kept."""
-
-    digest: str
-    trials: tuple[Trial, ...]
-    fidelities: tuple[Fidelity, ...]
-    fmus: dict[str, tuple[str, bytes]]
-    outputs: tuple[str, ...]
-    noise: dict[str, Noise]
-    every: int
-    seed: int
-    output: Output = DEFAULT.output
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Consecutive cases of the campaign `digest`.
-
-    `cases`: their numbers; `trial`, `fidelity`: of each, its place among the campaign's; `values`, shape (n_cases,
-    n_names): the parameters `names` of each.
-    """
-
-    digest: str
-    cases: tuple[int, ...]
-    trial: tuple[int, ...]
-    fidelity: tuple[int, ...]
-    names: tuple[str, ...]
-    values: Array
-
-
-@dataclass(frozen=True)
-class Result:
-    """What a batch gives.
-
-    `values`, shape (n_cases, n_outputs, n_times); `features`, shape (n_cases, n_features); `failures`: a line for each case,
-    empty if it was flown; a failed one's values are NaN. `fmu_seconds`: spent inside the FMUs, all cases.
-    """
-
-    values: NDArray[np.float32]
-    features: Array
-    failures: list[str]
-    fmu_seconds: float
-
-
 _own = threading.local()
 """Of this thread: open twins by hash (an instance is used by one thread alone), and the array that runs are written to."""
 _shared: dict[str, Shared] = {}
 """Of this process: digest of a campaign -> what its cases share."""
 
 
-class SharedByWorkers(WorkerPlugin):
-    """Sends what all cases share to every worker once, instead of with each batch, and loads the compiled code there."""
-
-    def __init__(self, shared: Shared) -> None:
-        self.shared = shared
-        self.name = f"ema-campaign-{shared.digest}"
-
-    def setup(self, worker: object) -> None:
-        shared = _shared[self.shared.digest] = self.shared
-        first = shared.trials[0]
-        short = replace(first, inputs={name: series[:2] for name, series in first.inputs.items()})
-        for fidelity in shared.fidelities:
-            with contextlib.suppress(HarnessError):  # each case will say so
-                _fly_case(shared, short, fidelity, {}, 0)
-
-    def teardown(self, worker: object) -> None:
-        _shared.pop(self.shared.digest, None)
+def know(shared: Shared) -> None:
+    """Hold what all cases of a campaign share, for the batches that come."""
+    _shared[shared.digest] = shared
 
 
-def software_version() -> str:
-    """The release of this software on the worker."""
-    return __version__
+def forget(digest: str) -> None:
+    """Let go of what the cases of a campaign share."""
+    _shared.pop(digest, None)
+
+
+def warm(shared: Shared) -> None:
+    """Load the compiled code and the FMUs, by a short run with each fidelity."""
+    first = shared.trials[0]
+    short = replace(first, inputs={name: series[:2] for name, series in first.inputs.items()})
+    for fidelity in shared.fidelities:
+        with contextlib.suppress(HarnessError):  # each case will say so
+            _fly_case(shared, short, fidelity, {}, 0)
 
 
 def fly_batch(batch: Batch) -> Result:
     """Fly the cases of `batch`, one after another."""
     shared = _shared[batch.digest]
-    times = len(shared.trials[0].time[:: shared.every])
-    values = np.full((len(batch.cases), len(shared.outputs), times), np.nan, dtype=np.float32)
-    found = np.full((len(batch.cases), len(features.names(shared.outputs))), np.nan)
-    failures, seconds = [""] * len(batch.cases), 0.0
+    result = blank(len(batch), len(shared.outputs), shared.times, len(names(shared.outputs)))
+    seconds = 0.0
     for place, case in enumerate(batch.cases):
         trial, fidelity = shared.trials[batch.trial[place]], shared.fidelities[batch.fidelity[place]]
         parameters = dict(zip(batch.names, batch.values[place].tolist(), strict=True))
         try:
             kept, row, wall = _fly_case(shared, trial, fidelity, parameters, case)
         except HarnessError as error:
-            failures[place] = str(error)
+            result.failures[place] = str(error)
             continue
-        values[place], found[place] = kept, row
+        except MemoryError:
+            result.failures[place] = f"{fidelity.fmu}: no memory is left on the worker for a run of {len(trial.time)} steps"
+            continue
+        result.values[place], result.features[place] = kept, row
         seconds += wall
-    return Result(values, found, failures, seconds)
+    return replace(result, fmu_seconds=seconds)
 
 
 def _fly_case(

@@ -1,6 +1,5 @@
 """`ema calibrate`."""
 
-import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from harness.cli.options import (
     chosen_actuator,
     chosen_columns,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress, show
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED
@@ -88,6 +88,7 @@ def calibrate(
         results.prepare_file(path)
     flown = [fidelity, *([REFERENCE] if fidelity is not REFERENCE else [])]
     folder = fmu_folder([FIDELITIES[each.name] for each in flown], fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=flown)
     bench = Bench(folder, fidelity, common, {n: own[path] for n, (path, _, _) in enumerate(read) if path in own})
     with progress() as shown:
         task = shown.add_task("reading", total=None)
@@ -100,9 +101,9 @@ def calibrate(
     name = chosen.name if actuator and Path(actuator).suffix else out.stem  # the library's own names stay the library's
     found = replace(found, actuator=replace(with_files(found.actuator, logs), name=name))
     content = file_text(found.actuator, actuator, common, freed)
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]])))
+    results.write(target, page(found, record))
     if json_file:
-        results.write_json(json_file, {"actuator": found.actuator.identity, **found.as_dict()})
+        write_json(json_file, {"actuator": found.actuator.identity, **found.as_dict()}, record)
     results.write(out, content)
     _print(found)
     typer.echo(f"actuator: {out}   page: {target}")

@@ -8,12 +8,17 @@ import typer
 
 from harness.cli.build import fmu_folder
 from harness.cli.options import ActuatorOption, Columns, FmuDir, Settings, TrialFile, chosen_actuator, chosen_columns, small
+from harness.cli.origin import provenance
 from harness.cli.terminal import progress
 from harness.errors import HarnessError, required_extra
 
 if TYPE_CHECKING:
+    from harness.actuators.actuator import Actuator
     from harness.campaigns.plan import Plan
     from harness.campaigns.run import Summary
+    from harness.provenance import Provenance
+
+PAGE = "campaign.html"
 
 
 def campaign(
@@ -54,10 +59,14 @@ def campaign(
     ] = None,
     workers: Annotated[int, typer.Option(metavar="N", help="Processes on this machine; 0: one a core.")] = 0,
     fmus: FmuDir = None,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Check every file of the dataset in --out against its checksum; fly nothing.")
+    ] = False,
 ) -> None:
-    """Fly many cases over the fault space into one dataset: campaign.zarr, and features.parquet.
+    """Fly many cases over the fault space into one dataset: campaign.zarr, features.parquet, and a page.
 
-    Interrupted, killed or failed, the same command goes on where it stopped. Exit code 1 if a case failed.
+    Interrupted, killed or failed, the same command goes on where it stopped; what is damaged is flown again. Exit code 1 if
+    a case failed, or with --verify if something is damaged or missing.
     """
     import sys
 
@@ -65,6 +74,8 @@ def campaign(
     from harness.logs.trialfile import read_trial
     from harness.parameters import parse_settings
 
+    if verify:
+        sys.exit(_verify(out))
     with required_extra("campaign"):
         from harness.campaigns.planfile import parse_assignments, parse_numbers, read_plan
         from harness.campaigns.run import cluster, run
@@ -94,28 +105,65 @@ def campaign(
         typer.echo(line, err=True)
     results.prepare(out)
     folder = fmu_folder(plan.fidelities, fmus, chosen)
-    with cluster(scheduler, workers or os.cpu_count() or 1) as client:
-        summary = _with_progress(run, plan, client, fmus=folder, out=out)
-    _print(summary, out)
+    record = provenance(chosen, fmus=folder, fidelities=plan.fidelities)
+    with cluster(scheduler, workers or os.cpu_count() or 1, _tell) as crew:
+        summary = _with_progress(run, plan, crew, fmus=folder, out=out, record=record)
+    for line in summary.damaged:
+        _tell(f"{line}; made again")
+    _print(summary, out, _write_page(out, summary, record, chosen))
     if summary.failures:
         sys.exit(1)
 
 
-def _with_progress(run: Any, plan: "Plan", client: Any, *, fmus: Path, out: Path) -> "Summary":
+def _tell(line: str) -> None:
+    typer.echo(line, err=True)
+
+
+def _verify(out: Path) -> int:
+    """Say what of the campaign in `out` is whole; the exit code."""
+    with required_extra("campaign"):
+        from harness.campaigns.lock import refuse_locked
+        from harness.campaigns.verify import verify
+
+    refuse_locked(out)
+    found = verify(out)
+    for line in found.problems:
+        typer.echo(line)
+    typer.echo(f"{found.whole} of {found.cases} cases are whole")
+    if not found.problems and found.whole == found.cases:
+        return 0
+    typer.echo("the command that made it flies again what is damaged or missing, and leaves the rest as it is")
+    return 1
+
+
+def _write_page(out: Path, summary: "Summary", record: "Provenance", actuator: "Actuator") -> Path:
+    import xarray as xr
+
+    from harness.files import results
+    from harness.show.campaign import page
+
+    with xr.open_zarr(out / "campaign.zarr", chunks=None) as held:
+        content = page(held, summary.failures, record, actuator)
+    results.write(out / PAGE, content)  # the folder holds this campaign alone, and so this page
+    return out / PAGE
+
+
+def _with_progress(run: Any, plan: "Plan", crew: Any, *, fmus: Path, out: Path, record: "Provenance") -> "Summary":
     with progress() as shown:
         task = shown.add_task("cases", total=None)
         summary: Summary = run(
             plan,
-            client,
+            crew,
             fmus=fmus,
             out=out,
+            record=record,
             on_start=lambda total, done: shown.update(task, total=total, completed=done),
             on_cases=lambda cases: shown.advance(task, cases),
         )
         return summary
 
 
-def _print(summary: "Summary", out: Path) -> None:
+def _print(summary: "Summary", out: Path, page: Path) -> None:
     for case, reason in summary.failures[:10]:
         typer.echo(f"case {case} failed: {reason}")
     if len(summary.failures) > 10:
@@ -130,3 +178,4 @@ def _print(summary: "Summary", out: Path) -> None:
     else:
         typer.echo(f"all {summary.before} cases were done before")
     typer.echo(f"dataset: {out / 'campaign.zarr'} (xarray.open_zarr)   features: {out / 'features.parquet'}")
+    typer.echo(f"page: {page}")

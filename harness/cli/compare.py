@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harness.cli.options import Columns, JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 
@@ -43,6 +44,7 @@ def compare(
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
     if json_file:
         results.prepare_file(json_file)
+    record = provenance()
     for path in (candidate, reference):
         fmufile.require_ports(path, fmufile.describe(path))
     with Isolated(candidate, time_limit=LONGEST) as twin, Isolated(reference, time_limit=LONGEST) as other:
@@ -55,7 +57,7 @@ def compare(
         entries = [
             (dataset.attrs["trial"], name, dataset) for pair in pairs for name, dataset in zip(names, pair, strict=True)
         ]
-        results.write_json(json_file, summary(entries, comparisons))
+        write_json(json_file, summary(entries, comparisons), record)
     rows = [
         (
             item.trial,

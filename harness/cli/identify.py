@@ -1,6 +1,5 @@
 """`ema identify`."""
 
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,6 +21,7 @@ from harness.cli.options import (
     chosen_limits,
     chosen_monitor,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show, working
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, THRESHOLD
@@ -57,6 +57,7 @@ def identify(
     from harness.identification import diagnosis
     from harness.identification.page import page
     from harness.inference.measured import read_measured
+    from harness.show.page import write_page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
     chosen = chosen_actuator(actuator)
@@ -71,7 +72,9 @@ def identify(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmu_folder(diagnosis.models_for(fidelity), fmus, chosen)
+    models = diagnosis.models_for(fidelity)
+    folder = fmu_folder(models, fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=models)
     with working() as on_step:
         found = diagnosis.identify(
             run,
@@ -84,10 +87,9 @@ def identify(
             tolerance=tolerance,
             on_step=on_step,
         )
-    target = out / f"{stem(measured)}_identified.html"
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    target = write_page(out / f"{stem(measured)}_identified.html", page(found, record, chosen))
     if json_file:
-        results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
+        write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
     typer.echo(f"page: {target}   actuator: {chosen.name}")
     if found.complaints:

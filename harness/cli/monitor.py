@@ -1,6 +1,5 @@
 """`ema monitor`."""
 
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,6 +20,7 @@ from harness.cli.options import (
     chosen_limits,
     chosen_monitor,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress, show
 from harness.errors import required_extra
 from harness.faults import ESTIMATED, THRESHOLD
@@ -49,6 +49,7 @@ def monitor(
     from harness.files import results
     from harness.identification.diagnosis import models_for
     from harness.prognosis.history import identify_all, read_flights
+    from harness.show.page import write_page
 
     with required_extra("prognosis"):
         from harness.prognosis.outlook import outlook
@@ -64,6 +65,7 @@ def monitor(
         if json_file:
             results.prepare_file(json_file)
     folder = fmu_folder(models_for(fidelity), fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=models_for(fidelity), also=[flight.path for flight in flights])
     with progress() as shown:
         task = shown.add_task("identifying", total=len(flights))
         history = identify_all(
@@ -79,11 +81,11 @@ def monitor(
             on_flight=lambda: shown.advance(task),
         )
     found = outlook(history, health_limits, unit)
-    results.write(out / "monitor.html", page(found, history, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    target = write_page(out / "monitor.html", page(found, history, record, chosen))
     if json_file:
-        results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
+        write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
-    typer.echo(f"page: {out / 'monitor.html'}")
+    typer.echo(f"page: {target}")
     if found.problems:
         sys.exit(1)
 

@@ -1,7 +1,5 @@
 """`ema replay`."""
 
-import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +17,7 @@ from harness.cli.options import (
     chosen_parameters,
     end_stop,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 
 if TYPE_CHECKING:
@@ -45,6 +44,7 @@ def replay(
     from harness.logs.read import read_log
     from harness.replay.page import page
     from harness.replay.replay import replay as fly
+    from harness.show.page import write_page
 
     chosen = chosen_actuator(actuator)
     flown = parse_fidelity(fidelity, "--fidelity")
@@ -56,12 +56,12 @@ def replay(
     if json_file:
         results.prepare_file(json_file)
     folder = fmu_folder([flown], fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=[flown])
     with deferred() as interrupted, Twin(folder / flown.fmu) as twin:
         found = [fly(each, twin, flown, parameters, on_progress=lambda done: interrupted()) for each in logs]
-    target = out / f"{stem(log)}_replayed.html"
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    target = write_page(out / f"{stem(log)}_replayed.html", page(found, record, chosen))
     if json_file:
-        results.write_json(json_file, _as_dict(found, log, chosen.identity))
+        write_json(json_file, _as_dict(found, log, chosen.identity), record)
     for item in found:
         _print(item)
     typer.echo(f"page: {target}   actuator: {chosen.name}")

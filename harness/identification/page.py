@@ -10,16 +10,17 @@ from harness.actuators.actuator import DEFAULT, Actuator
 from harness.identification.diagnosis import Diagnosis
 from harness.identification.estimates import Estimate
 from harness.inference.measured import Measured
+from harness.provenance import Provenance
 from harness.show.curves import RESIDUAL, Line, curve, intervals, shade, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
 
 LINES = {"measured": Line("#888888", width=1.0, opacity=0.7), "healthy": Line("#16935b"), "identified": Line("#1f6fd6")}
 HEADS = ("Fault", "Estimate", "95 % interval", "Health", "")
 
 
-def page(diagnosis: Diagnosis, command: str, actuator: Actuator = DEFAULT) -> str:
-    """The page as HTML text; `command` is the command line that makes it again, `actuator` the one that was measured."""
+def page(diagnosis: Diagnosis, record: Provenance, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `record` says where it comes from, `actuator` the one that was measured."""
     measured = diagnosis.measured
     kind = "near" if diagnosis.complaints else "over" if any(item.alarm for item in diagnosis.estimates) else "ok"
     notes = "".join(f"<p>{html.escape(line)}.</p>" for line in diagnosis.remarks)
@@ -35,8 +36,8 @@ def page(diagnosis: Diagnosis, command: str, actuator: Actuator = DEFAULT) -> st
         f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{flown_actuator(actuator)}{notes}'
         f"{table(_caption(diagnosis), HEADS, rows(diagnosis))}"
         f"{_alternatives(diagnosis)}{_parameters(diagnosis)}{_nuisances(diagnosis)}"
-        f"<section><h2>Measured and identified</h2>{curves}</section>"
-        f"{origin(command)}",
+        f"<section><h2>Measured and identified</h2>{curves}</section>",
+        record,
     )
 
 

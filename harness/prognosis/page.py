@@ -12,7 +12,8 @@ from harness.actuators.actuator import DEFAULT, Actuator
 from harness.prognosis.growth import Trend
 from harness.prognosis.history import IdentifiedFlight
 from harness.prognosis.outlook import Outlook, life_in_words
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
+from harness.provenance import Provenance
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
 
 HEADS = ("Fault", "Now", "Limit", "Event state (health)", "Rate", "Remaining useful life")
 
@@ -32,8 +33,8 @@ def rows(outlook: Outlook) -> list[tuple[str, ...]]:
     ]
 
 
-def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str, actuator: Actuator = DEFAULT) -> str:
-    """The page as HTML text; `command` is the command line that makes it again, `actuator` the one that was followed."""
+def page(outlook: Outlook, history: Sequence[IdentifiedFlight], record: Provenance, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `record` says where it comes from, `actuator` the one that was followed."""
     growing = [trend for trend in outlook.trends.values() if trend.grows]
     kind = "over" if any(trend.health <= 0.0 for trend in outlook.trends.values()) else "near" if growing else "ok"
     problems = "".join(f"<li>{html.escape(line)}</li>" for line in outlook.problems)
@@ -53,7 +54,8 @@ def page(outlook: Outlook, history: Sequence[IdentifiedFlight], command: str, ac
         "The event is a fault at its limit; the event state is the health index, 1 healthy and 0 at the limit.</p>"
         f"{table('Faults now, and the time of the event', HEADS, rows(outlook))}"
         f"<section><h2>History and prediction</h2>{drawn(figure(outlook), description)}</section>"
-        f"{events}{left_out}{origin(command)}",
+        f"{events}{left_out}",
+        record,
     )
 
 

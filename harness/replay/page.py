@@ -7,10 +7,11 @@ import plotly.graph_objects as go
 
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.logs.hints import percent
+from harness.provenance import Provenance
 from harness.replay.replay import Replay
 from harness.show.curves import COMMAND, RESIDUAL, Line, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
 
 MEASURED = Line("#888888", width=1.4)
 HEADS = ("Channel", "Unit", "Rms", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Lag")
@@ -30,13 +31,13 @@ EXPLAINED = (
 TRACKING = ("Tracking error", "Unit", "measured", "twin", "difference", "ratio", "unshifted")
 
 
-def page(replays: Sequence[Replay], command: str, actuator: Actuator = DEFAULT) -> str:
-    """The page as HTML text; `command` is the command line that makes it again, `actuator` the one that was flown."""
+def page(replays: Sequence[Replay], record: Provenance, actuator: Actuator = DEFAULT) -> str:
+    """The page as HTML text; `record` says where it comes from, `actuator` the one that was flown."""
     title = f"{replays[0].log.source.name}, flown by {replays[0].fidelity}"
     return document(
         f"EMA twins: {title}",
-        f"<h1>{html.escape(title)}</h1>{flown_actuator(actuator)}{''.join(map(_section, replays))}{_explained()}"
-        f"{origin(command)}",
+        f"<h1>{html.escape(title)}</h1>{flown_actuator(actuator)}{''.join(map(_section, replays))}{_explained()}",
+        record,
     )
 
 

@@ -1,16 +1,17 @@
 """What every page has in common: one self-contained HTML document, light and dark, with figures and tables."""
 
 import html
-import platform
-from collections.abc import Iterable, Sequence
-from importlib.metadata import version
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
-from ema_fmu_src import __version__
 from harness.actuators.actuator import Actuator
+from harness.files import results
+from harness.provenance import Provenance
 
 STYLE = """
 :root{--text:#1b1f24;--soft:#5b6570;--line:#d9dee4;--back:#ffffff;--panel:#f6f8fa}
@@ -26,7 +27,8 @@ code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-
 .figure{height:62rem}.figure.low{height:26rem}.figure>div{height:100%}.note{color:var(--soft)}
 .verdict{padding:.6rem .9rem;border-radius:6px;font-weight:600}
 .ok{background:rgba(22,147,91,.18)}.near{background:rgba(214,150,31,.25)}.over{background:rgba(214,50,31,.25)}
-td small{color:var(--soft)}
+td small{color:var(--soft)}.origin{color:var(--soft);font-size:.9rem}
+.origin th,.origin td{text-align:left;vertical-align:top;white-space:normal;overflow-wrap:anywhere}
 """
 
 LAYOUT: dict[str, Any] = {
@@ -36,6 +38,8 @@ LAYOUT: dict[str, Any] = {
     "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
     "modebar": {"bgcolor": "rgba(0,0,0,0)"},
 }
+DIGEST, HEAD = "ema-provenance", 512
+"""Name of the element that tells pages apart, and the first characters of a page, among which it is."""
 CONFIG = {"responsive": True, "displaylogo": False}
 
 THEME = """
@@ -49,14 +53,42 @@ dark.addEventListener('change',paint);paint();
 """
 
 
-def document(title: str, body: str) -> str:
-    """The page as HTML text, with everything it needs inside it; `body` is HTML."""
+def document(title: str, body: str, record: Provenance, note: str = "") -> str:
+    """The page as HTML text, with everything it needs inside it, and how it was made; `body` and `note` are HTML."""
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="{DIGEST}" content="{record.digest}">'
         '<meta name="viewport" content="width=device-width,initial-scale=1"><link rel="icon" href="data:,">'
         f"<title>{html.escape(title)}</title><style>{STYLE}</style>"
-        f"<script>{get_plotlyjs()}</script></head><body><main>{body}</main><script>{THEME}</script></body></html>"
+        f"<script>{get_plotlyjs()}</script></head><body><main>{body}{origin(record, note)}</main>"
+        f"<script>{THEME}</script></body></html>"
     )
+
+
+def write_page(path: Path, content: str) -> Path:
+    """Write a page to `path`, or, where something else than this page lies, beside it with its digest in the name.
+
+    The same command on the same files takes the place of its own page. Returns the path; HarnessError as from
+    `results.write`.
+    """
+    own = _digest(content[:HEAD])
+    target = path if not path.exists() or _held(path) == own else path.with_stem(f"{path.stem}-{own}")
+    results.write(target, content)
+    return target
+
+
+def _held(path: Path) -> str:
+    """The digest of the page at `path`; empty if it is none, or cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return _digest(file.read(HEAD).decode(errors="replace"))
+    except OSError:
+        return ""
+
+
+def _digest(head: str) -> str:
+    found = re.search(f'<meta name="{DIGEST}" content="([0-9a-f]+)">', head)
+    return found.group(1) if found else ""
 
 
 def drawn(figure: go.Figure, spoken: str, kind: str = "") -> str:
@@ -80,11 +112,34 @@ def flown_actuator(actuator: Actuator) -> str:
     return f"<p>Actuator <b>{html.escape(actuator.name)}</b>{about} (SHA-256 {actuator.sha256[:12]}...).</p>"
 
 
-def origin(command: str, note: str = "") -> str:
-    """How the page was made: the command line, versions, and a note (HTML)."""
-    packages = ", ".join(f"{name} {version(name)}" for name in ("fmpy", "numpy", "plotly"))
-    versions = f"Python {platform.python_version()}, {packages}, {platform.system()} {platform.machine()}"
+def origin(record: Provenance, note: str = "") -> str:
+    """How the page was made, as HTML: the command line, and all of its provenance, also as JSON; `note` is HTML."""
+    versions = ", ".join(f"{name} {version}" for name, version in record.versions.items())
+    machine = record.machine
+    lines = [
+        ("Time", html.escape(record.time)),
+        ("Versions", html.escape(versions)),
+        ("FMUs", _hashes(record.fmus)),
+        ("Inputs", _hashes(record.inputs)),
+        ("Actuator", _hashes({record.actuator["name"]: record.actuator["sha256"]} if record.actuator else {})),
+        (
+            "Machine",
+            html.escape(f"{machine['system']}, {machine['architecture']}, {machine['processor']}, {machine['cores']} cores"),
+        ),
+        ("Note", note),
+    ]
+    shown = "".join(f'<tr><th scope="row">{head}</th><td>{text}</td></tr>' for head, text in lines if text)
+    held = record.as_text().replace("<", "\\u003c")
     return (
-        f"<h2>How this page was made</h2><pre>{html.escape(command)}</pre>"
-        f'<p class="note">EMA twins {__version__}, {html.escape(versions)}{note}.</p>'
+        f"<h2>How this page was made</h2><pre>{html.escape(record.command)}</pre>"
+        f'<table class="origin"><tbody>{shown}</tbody></table>'
+        f'<script type="application/json" id="provenance">{held}</script>'
+    )
+
+
+def _hashes(files: Mapping[str, str]) -> str:
+    """Names with the beginnings of their hashes, the whole ones to be seen under the pointer, as HTML."""
+    return ", ".join(
+        f'{html.escape(Path(name).name)} <small title="SHA-256 {digest}">(SHA-256 {digest[:12]}...)</small>'
+        for name, digest in files.items()
     )

@@ -11,8 +11,9 @@ from harness.actuators.actuator import DEFAULT, Actuator
 from harness.budgets import Budgets
 from harness.comparison import FIGURES, Comparison, percent, titles
 from harness.flight.experiment import Experiment
+from harness.provenance import Provenance
 from harness.show.curves import COMMAND, RESIDUAL, Line, curve, intervals, lines_of, rows, shade, thinned
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin
+from harness.show.page import LAYOUT, document, drawn, flown_actuator
 
 INSTANTANEOUS = "equivalent_current"
 """Drawn in the row of the filtered current, hidden until its name in the legend is pressed."""
@@ -22,14 +23,14 @@ def page(
     experiment: Experiment,
     *,
     parameters: Mapping[str, float],
-    command: str,
+    record: Provenance,
     budgets: Budgets | None = None,
     actuator: Actuator = DEFAULT,
 ) -> str:
     """The page as HTML text, with everything it needs inside it; errors are judged by `budgets` where there are any.
 
-    `parameters` are those that were set for all runs; `command` is the command line that makes the page again; `actuator` is
-    the one that was flown, in whose units outside `experiment` is.
+    `parameters` are those that were set for all runs; `record` says where the page comes from; `actuator` is the one that
+    was flown, in whose units outside `experiment` is.
     """
     trials = list(dict.fromkeys(trial for trial, _ in experiment.runs))
     lines = lines_of(fidelity for _, fidelity in experiment.runs)
@@ -47,13 +48,10 @@ def page(
         "NRMSE is the rms difference over the range of the reference.</p>"
         f'<div class="scroll" tabindex="0">{_table(experiment, trials, budgets or {})}</div>'
         f"<section><h2>Error against cost</h2>{drawn(_cost(experiment, lines), cost, 'low')}</section>"
-        f"{sections}{origin(command, f'; FMUs: {html.escape(_hashes(experiment))}; parameters: {html.escape(settings)}')}",
+        f"{sections}",
+        record,
+        f"Parameters: {html.escape(settings)}",
     )
-
-
-def _hashes(experiment: Experiment) -> str:
-    found = {run.attrs["fmu"]: run.attrs["fmu_sha256"][:12] for run in experiment.runs.values()}
-    return ", ".join(f"{name} (SHA-256 {digest}...)" for name, digest in found.items())
 
 
 def _budget(budgets: Budgets, item: Comparison) -> float | None:

@@ -8,6 +8,7 @@ import typer
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
 from harness.cli.options import ActuatorOption, FmuDir, chosen_actuator
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
@@ -56,14 +57,11 @@ def identify(
     With another actuator (--actuator), the limits that this project sets itself are the default one's and are left out.
     With --actuators, the plants are random actuators whose parameters the diagnosis does not know.
     """
-    import shlex
-    import sys
-
     from harness.bench import identify as bench
     from harness.bench import summary
     from harness.fidelity import FIDELITIES
     from harness.files import results
-    from harness.show.page import document, flown_actuator, origin
+    from harness.show.page import document, flown_actuator, write_page
     from harness.show.page import table as as_html
 
     _check_rate(rate)
@@ -87,6 +85,7 @@ def identify(
     chosen = chosen_actuator(actuator)
     _refuse_extremes(chosen)
     folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=FIDELITIES.values())
     with progress() as shown:
         task = shown.add_task("identifying", total=cases + healthy + evolution)
         found, others = bench.run(
@@ -106,12 +105,11 @@ def identify(
     for table in tables:
         show(table)
     if json_file:
-        results.write_json(json_file, {"actuator": chosen.identity, **summary.as_dict(found, others, listed)})
+        write_json(json_file, {"actuator": chosen.identity, **summary.as_dict(found, others, listed)}, record)
     if out:
         body = "<h1>Identification, measured</h1>" + flown_actuator(chosen) + "".join(as_html(*table) for table in tables)
-        command = shlex.join(["ema", *sys.argv[1:]])
-        results.write(out / "bench_identify.html", document("EMA twins: identification, measured", body + origin(command)))
-        typer.echo(f"page: {out / 'bench_identify.html'}")
+        content = document("EMA twins: identification, measured", body, record)
+        typer.echo(f"page: {write_page(out / 'bench_identify.html', content)}")
 
 
 def _check_rate(rate: float) -> None:
