@@ -27,7 +27,12 @@ Array = NDArray[np.float64]
 
 
 def read_trial(
-    path: Path, output: Output | None = None, columns: Mapping[str, str] | None = None, log: Mapping[str, str] | None = None
+    path: Path,
+    output: Output | None = None,
+    columns: Mapping[str, str] | None = None,
+    log: Mapping[str, str] | None = None,
+    *,
+    longest: float = STEP * MOST_POINTS,
 ) -> Trial:
     """A trial from a file: time [s], command [rad], optionally load_torque [N.m], supply_voltage [V]; any format and unit.
 
@@ -35,7 +40,7 @@ def read_trial(
     at the user's side. `log`: an actuator's `[log]`; it holds for a file whose columns do not bear the names time and
     command, and `columns` win over it. Between the rows the command is interpolated linearly onto the communication grid,
     or held if its words say so. Columns that are a run's outputs are left out; others are refused, unless `columns` are
-    stated.
+    stated. `longest`: what it may last [s].
     HarnessError, with line and column, for anything that is not a row of finite numbers with increasing times.
     """
     table = with_units(read_table(path))
@@ -67,16 +72,16 @@ def read_trial(
             raise HarnessError(f"{found[name].where}: has {len(values)} rows, its times {axis.found.where} {len(axis.time)}")
         check_rises(axis, np.arange(len(values)))
         check_distance(str(path), axis.time)
-        points = _points(path, axis.time) if name == "command" else points
+        points = _points(path, axis.time, longest) if name == "command" else points
         held = found[name].spec.between is Between.HELD
         rows = np.maximum(np.searchsorted(axis.time, points + 1e-9, side="right") - 1, 0)
         inputs[name] = values[rows] if held else np.interp(points, axis.time, values)
     return Trial(stem(path), float(points[0]), STEP, inputs, str(path.name))
 
 
-def _points(path: Path, times: Array) -> Array:
+def _points(path: Path, times: Array, longest: float) -> Array:
     """Communication points from the first to the last time."""
     lasts = float(times[-1] - times[0])
-    if not STEP * (1.0 - 1e-6) <= lasts <= STEP * MOST_POINTS:
-        raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {STEP * MOST_POINTS:g} s can be flown")
+    if not STEP * (1.0 - 1e-6) <= lasts <= longest * (1.0 + 1e-9):
+        raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {longest:g} s can be flown")
     return grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)
