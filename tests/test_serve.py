@@ -101,7 +101,17 @@ def test_the_names_of_this_machine_are_ours_on_any_port() -> None:
     local = Hosts("127.0.0.1", ["twin.example"])
     for host in ("127.0.0.1", "localhost:9000", "LOCALHOST.", "[::1]:80", "twin.example"):
         assert local.trusts(host), host
-    for host in ("192.168.0.4", "localhost:x", "localhost:99999", "a localhost", "[::1", "localhost/"):
+    for host in (
+        "192.168.0.4",
+        "localhost:x",
+        "localhost:999999",
+        "[::1],evil.example",
+        "localhost,localhost",
+        "localhost\n",
+        "a localhost",
+        "[::1",
+        "localhost/",
+    ):
         assert not local.trusts(host), host
     everywhere = Hosts("0.0.0.0")
     assert everywhere.trusts("192.168.0.4:8050") and everywhere.trusts(socket.gethostname())
@@ -174,17 +184,18 @@ def test_what_is_not_there_is_one_line(server: Server, path: str, method: str, s
 @pytest.mark.parametrize(
     "kind, name, data, status, word",
     [
-        ("trial", "a.csv", b"", 415, "a text of columns"),
+        ("trial", "a.csv", b"", 415, "is no text of columns"),
         ("trial", "a.csv.gz", b"\x1f\x8b\x08\x00", 415, "other formats"),
         ("trial", "a.csv", b"time,command\n0,0\n1,x\n", 400, "a.csv"),
         ("trial", "a.csv", b"time,command\n0,0\n1000,0\n", 400, "to 10 s can be flown"),
         ("trial", "a.csv", b"time,command\n0,0\n1e300,0\n", 400, "a.csv"),
-        ("trial", "a.csv", b"time,command" + b",x" * 5000, 400, "at most 4000"),
+        ("trial", "a.csv", b"time,command" + b",x" * 5000, 400, "at most 1000"),
         ("actuator", "a.toml", b"name = [", 400, "is not TOML"),
         ("actuator", "a.toml", b"a = " + b"[" * 50000, 400, "a.toml"),
         ("actuator", "a.toml", b'[parameters]\n"motor.R" = "fast"\n', 400, "motor.R"),
         ("actuator", "a.toml", b"#" * 200_000, 413, "at most 100000"),
         ("fmu", "a.fmu", b"PK", 400, "trial or actuator"),
+        ("trial", "a.csv", b"1\n" * 200_001, 400, "at most 200000"),
         ("trial", "a.csv", b"0" * (LARGEST_BODY + 1), 413, "Too Large"),
     ],
 )

@@ -16,6 +16,7 @@ from harness.actuators.tomlfile import read_actuator_toml
 from harness.errors import HarnessError
 from harness.logs.mapping import check_layout
 from harness.logs.trialfile import read_trial
+from harness.show.live.guard import LARGEST_BODY
 from harness.show.live.refused import Refused
 from harness.trials import Trial
 
@@ -23,10 +24,23 @@ MOST_KEPT = 16
 """Uploads that are kept; the one that was asked for longest ago gives way."""
 LONGEST = 10.0
 """A trial that is flown here [s]; `ema run --trial-file` flies longer ones."""
-LARGEST_ACTUATOR = 100_000
-"""Bytes of an actuator file."""
-LONGEST_LINE = 4000
-"""Bytes of a line of a trial's file."""
+MOST_LINES = 200_000
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What may be uploaded: the suffix that it is given, and the most bytes of a file and of a line of it."""
+
+    suffix: str
+    text: str
+    largest: int
+    longest_line: int
+
+
+KINDS = {
+    "trial": Kind(".csv", "columns, such as CSV; ema run --trial-file reads other formats", LARGEST_BODY, 1000),
+    "actuator": Kind(".toml", "TOML", 100_000, 4000),
+}
 MARK = "@"
 """Between the name of an upload and its digest; no built-in name has it."""
 Read = TypeVar("Read")
@@ -49,19 +63,21 @@ class Upload:
 
 def upload(kind: str, name: str, data: bytes) -> Upload:
     """The upload; Refused for an unknown kind, what is no text, or a file that is too large to be read here."""
-    suffix = {"trial": ".csv", "actuator": ".toml"}.get(kind)
-    if suffix is None:
+    if kind not in KINDS:
         raise Refused(f"kind={kind[:20]}: trial or actuator is needed")
     stem = re.sub(r"[^A-Za-z0-9_-]+", "_", re.split(r"[/\\]", name)[-1].rpartition(".")[0])[:60].strip("_") or "mine"
-    plain = f"{stem}{suffix}"
+    limits = KINDS[kind]
+    plain = f"{stem}{limits.suffix}"
     if CONTROL.search(data) or not data.strip():
-        what = "columns, such as CSV; ema run --trial-file reads other formats" if kind == "trial" else "TOML"
-        raise Refused(f"{plain}: a text of {what}, is needed", HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
-    if kind == "actuator" and len(data) > LARGEST_ACTUATOR:
-        raise Refused(f"{plain}: at most {LARGEST_ACTUATOR} bytes are taken", HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
-    longest = max(map(len, data.splitlines()))
-    if longest > LONGEST_LINE:
-        raise Refused(f"{plain}: a line has {longest} bytes; at most {LONGEST_LINE} are taken")
+        raise Refused(f"{plain}: is no text of {limits.text}", HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
+    if len(data) > limits.largest:
+        raise Refused(f"{plain}: at most {limits.largest} bytes are taken", HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+    lines = data.splitlines()
+    if len(lines) > MOST_LINES:
+        raise Refused(f"{plain}: has {len(lines)} lines; at most {MOST_LINES} are taken")
+    longest = max(map(len, lines))
+    if longest > limits.longest_line:
+        raise Refused(f"{plain}: a line has {longest} bytes; at most {limits.longest_line} are taken")
     return Upload(kind, plain, data)
 
 
