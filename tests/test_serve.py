@@ -19,15 +19,17 @@ from urllib.parse import quote, urlencode
 import numpy as np
 import pytest
 
+from harness.actuators.actuator import DEFAULT
 from harness.cli import main
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED
 from harness.files.reader import read_table
 from harness.show.live.fleet import Fleet
 from harness.show.live.guard import LARGEST_BODY, Hosts, Turns, is_loopback
-from harness.show.live.kept import MOST_KEPT
+from harness.show.live.kept import MOST_KEPT, Kept
 from harness.show.live.refused import Refused
 from harness.show.live.server import MOST_CONNECTIONS, Server
+from harness.show.live.wish import Hangar, Wish
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
@@ -254,13 +256,16 @@ def test_a_second_flight_of_a_client_is_told_to_wait(server: Server, monkeypatch
         first.join()
 
 
-def test_a_flight_that_would_never_end_is_ended(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    fly(server, fidelity="LF", trial="SIN")
-    monkeypatch.setattr(server.fleet._open["EMA_LF.fmu"], "time_limit", 0.5)
-    status, line = refusal(server, "/fly?fidelity=LF&set=solver.step=1e-9")
-    assert status == 422 and "has not finished within 0.5 s" in line
-    monkeypatch.undo()
-    assert fly(server, fidelity="LF", trial="SIN")["command"].startswith("ema run SIN --fidelity LF")
+def test_a_flight_that_would_never_end_is_ended(fmus: dict[str, Path]) -> None:
+    hangar = Hangar(DEFAULT, None, Kept())
+    fleet = Fleet(fmus["HF"].parent, time_limit=2.0)
+    endless = hangar.flight(Wish("SIN", ("LF",), settings=("solver.step=1e-9",)))
+    try:
+        with pytest.raises(Refused, match="has not finished within 2 s") as refused:
+            fleet.fly(endless)
+    finally:
+        fleet.close()
+    assert refused.value.status == 422
 
 
 def test_many_silent_connections_do_not_pile_up(server: Server) -> None:
@@ -291,7 +296,7 @@ def test_it_flies_what_the_command_line_flies(
     other = {column.name: column.values for column in read_table(tmp_path / "SIN_LF.csv").columns}
     residual = np.asarray(other["position"], dtype=float) - np.asarray(told["position"], dtype=float)
     assert np.allclose(drawn(answer, "LF", 1), residual[::10], atol=1e-8)
-    assert "LF" in answer["table"] and "reference" in answer["table"]
+    assert "residual: model minus ELF+" in answer["note"] and "LF" in answer["table"] and "reference" in answer["table"]
 
 
 def test_with_hf_a_healthy_trial_is_judged_as_in_the_report(server: Server) -> None:

@@ -28,6 +28,7 @@ class Fleet:
         self.time_limit = time_limit
         self._open: dict[str, Isolated] = {}
         self._lock = threading.Lock()
+        self._ending = threading.Event()
 
     def fly(self, flight: Flight) -> dict[str, xr.Dataset]:
         """A run with each fidelity, by name, in the actuator's units outside.
@@ -60,13 +61,18 @@ class Fleet:
             raise HarnessError(f"{name}: was built for another actuator, {record['actuator']}; choose that one")
         runs = {}
         for fidelity in fidelities:
-            run = self._open[name].run(flight.trial, merged(fidelity, flight.parameters))
+            run = self._open[name].run(
+                flight.trial, merged(fidelity, flight.parameters), on_progress=lambda _: self._ending.is_set()
+            )
+            if run.attrs["stopped"]:
+                raise Refused("the server ends", HTTPStatus.SERVICE_UNAVAILABLE)
             run.attrs["fidelity"] = fidelity.name
             runs[fidelity.name] = run_of(run, flight.actuator)
         return runs
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes, and what flies in them."""
+        self._ending.set()
         with self._lock:
             for twin in self._open.values():
                 twin.close()

@@ -19,7 +19,7 @@ def page(hangar: Hangar, wish: Wish, actuator: Actuator, problem: str = "") -> s
     """The page, its form filled with `wish`; `problem` is why the address could not be followed."""
     values = {name.strip(): text.strip() for name, _, text in (setting.partition("=") for setting in wish.settings)}
     sliders = "".join(_slider(port, actuator.value(port), values) for port in SLIDERS)
-    constants = "".join(_constant(port, values) for port in CONSTANT_INPUTS)
+    constants = "".join(_constant(port, actuator.value(port), values) for port in CONSTANT_INPUTS)
     own = html.escape("\n".join(f"{name}={text}" for name, text in values.items()))
     failed = ' data-problem="1"' if problem else ""
     told = _alert(problem) if problem else '<p class="verdict none">Starting the FMUs ...</p>'
@@ -45,7 +45,7 @@ def page(hangar: Hangar, wish: Wish, actuator: Actuator, problem: str = "") -> s
 <label for="port">Add</label> <input id="port" list="ports" placeholder="motor.R" spellcheck="false">
 <datalist id="ports">{_ports()}</datalist></details></section></form>
 <section class="plot" aria-label="Curves"><div class="figure" id="figure" role="img" aria-label="Nothing flown yet">
-</div></section><section class="result" aria-label="Results"><p class="row">
+</div><p class="note" id="note"></p></section><section class="result" aria-label="Results"><p class="row">
 <button type="button" data-picture="png">Figure as PNG</button>
 <button type="button" data-picture="svg">Figure as SVG</button> <button type="button" id="csv">Trajectories as CSV</button>
 <button type="button" id="fmu">FMU</button></p><div class="scroll" tabindex="0" id="table"></div>
@@ -95,7 +95,7 @@ def _slider(port: str, start: float, values: dict[str, str]) -> str:
     )
 
 
-def _constant(port: str, values: dict[str, str]) -> str:
+def _constant(port: str, start: float, values: dict[str, str]) -> str:
     """The field of an input that is constant where the trial gives none; empty for what the actuator has."""
     variable = ports.VARIABLES[ports.INDEX[port]]
     value = _taken(port, values, variable.minimum or 0.0, variable.maximum or 0.0)
@@ -103,7 +103,7 @@ def _constant(port: str, values: dict[str, str]) -> str:
     return (
         f'<div class="constant"><label for="{port}" title="{about}">{html.escape(label)}</label>'
         f'<input type="text" inputmode="decimal" id="{port}" value="{html.escape(value)}" '
-        f'placeholder="{variable.start:g}"></div>'
+        f'placeholder="{start:g}"></div>'
     )
 
 

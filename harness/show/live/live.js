@@ -5,6 +5,7 @@ const find = (id) => document.getElementById(id);
 const sliders = [...document.querySelectorAll('input[type=range]')];
 const dark = window.matchMedia('(prefers-color-scheme: dark)');
 const config = {responsive: true, displaylogo: false, modeBarButtonsToRemove: ['toImage']};
+const constants = ['load_torque', 'supply_voltage'];
 let shown = null, flying = false, waiting = false;
 
 function query() {
@@ -13,7 +14,7 @@ function query() {
   asked.set('fidelity', [...document.querySelectorAll('[name=fidelity]:checked')].map((box) => box.value).join(','));
   if (find('actuator').value) asked.set('actuator', find('actuator').value);
   for (const slider of sliders) if (slider.dataset.moved) asked.append('set', `${slider.id}=${slider.value}`);
-  for (const id of ['load_torque', 'supply_voltage']) {
+  for (const id of constants) {
     if (find(id).value.trim()) asked.append('set', `${id}=${find(id).value.trim().replace(',', '.')}`);
   }
   for (const line of find('parameters').value.split('\n')) if (line.trim()) asked.append('set', line.trim());
@@ -69,6 +70,7 @@ function show(answer) {
   find('about').innerHTML = answer.about;
   find('table').innerHTML = answer.table;
   find('command').textContent = answer.command;
+  find('note').textContent = answer.note;
   const link = answer.query ? `./?${answer.query}` : './';
   find('link').href = link;
   history.replaceState(null, '', link);
@@ -77,6 +79,7 @@ function show(answer) {
     if (!slider.dataset.moved) slider.value = answer.starts[slider.id];
     tell(slider);
   }
+  for (const id of constants) find(id).placeholder = answer.starts[id];
   shown = answer.figure;
   find('figure').setAttribute('aria-label', answer.spoken);
   find('figure').classList.toggle('tall', find('residuals').checked && answer.figure.layout.yaxis4 !== undefined);
@@ -95,12 +98,9 @@ function draw() {
   if (!shown) return;
   const style = getComputedStyle(document.documentElement);
   const [ink, line, panel] = ['--text', '--line', '--panel'].map((name) => style.getPropertyValue(name).trim());
-  const layout = painted(shown.layout, ink, line, panel), narrow = window.innerWidth < 700;
-  for (const axis of Object.keys(layout).filter((key) => narrow && /^xaxis/.test(key) && layout[key].title)) {
-    layout[axis] = {...layout[axis], title: {...layout[axis].title, font: {size: 10}}};
-  }
+  const narrow = window.innerWidth < 700;
   const data = narrow ? shown.data.filter((trace) => trace.visible !== 'legendonly') : shown.data;
-  Plotly.react('figure', data, layout, config);
+  Plotly.react('figure', data, painted(shown.layout, ink, line, panel), config);
 }
 
 // Pictures are for paper: dark on white, whatever the screen.

@@ -14,16 +14,20 @@ from ema_fmu_src.fidelities import REFERENCE
 from harness.actuators.actuator import Actuator
 from harness.budgets import Budgets, budgets_for, read_budgets
 from harness.flight.experiment import Experiment
+from harness.flight.twin import CONSTANT_INPUTS
 from harness.show import report
-from harness.show.curves import lines_of, stride
+from harness.show.curves import RESIDUAL, lines_of, stride
 from harness.show.live.wish import Flight, Wish
+
+CONSTANTS = [port for port in ports.INPUTS if port.name in CONSTANT_INPUTS]
 
 
 def view(wish: Wish, flight: Flight, runs: Mapping[str, xr.Dataset]) -> dict[str, Any]:
     """What the page shows, as data for JSON.
 
-    `banner`, `table`, `about`: HTML. `figure`: Plotly's, `spoken`: what it shows, in words. `command`: the command line that
-    flies the same. `query`: what asks for it. `starts`: port -> value of the actuator's own faults.
+    `banner`, `table`, `about`: HTML. `figure`: Plotly's; `spoken`: what it shows, and `note`: what its shades are, in words.
+    `command`: the command line that flies the same. `query`: what asks for it. `starts`: port -> value of the actuator's own
+    faults, load and supply.
     """
     name = flight.trial.name
     experiment = Experiment({(name, flight.reference): runs[flight.reference]}, (), flight.reference)
@@ -31,16 +35,20 @@ def view(wish: Wish, flight: Flight, runs: Mapping[str, xr.Dataset]) -> dict[str
         if fidelity != flight.reference:
             experiment = experiment.with_run(run)
     budgets = _budgets(flight)
-    figure = report.figure_of(name, experiment, lines_of(runs), residuals=wish.residuals and len(runs) > 1, points=points)
+    residuals = wish.residuals and len(runs) > 1
+    figure = report.figure_of(name, experiment, lines_of(runs), residuals=residuals, points=points)
+    figure.update_xaxes(title_text="Time [s]", selector=lambda axis: axis.title.text)
+    below = f"; {RESIDUAL} {flight.reference}" if residuals else ""
     return {
         "banner": banner(flight, experiment, budgets),
         "table": report.table(experiment, [name], budgets),
         "figure": figure_data(figure),
         "spoken": report.spoken(name, experiment),
+        "note": f"Shaded: {flight.reference} is limited by its voltage{below}.",
         "command": flight.command,
         "query": wish.query,
         "about": described(flight.actuator),
-        "starts": {port.name: flight.actuator.value(port.name) for port in ports.FAULTS},
+        "starts": {port.name: flight.actuator.value(port.name) for port in (*ports.FAULTS, *CONSTANTS)},
     }
 
 
