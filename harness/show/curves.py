@@ -34,6 +34,10 @@ class Line:
 RESIDUAL = "residual: model minus"
 """What residuals are on every page, up to what they are compared with."""
 COMMAND = Line("#888888", "dot")
+MEASURED = Line("#888888", width=5.0, opacity=0.45)
+"""Wide and pale: drawn first, it stays in sight under whatever lies on it."""
+HEALTHY = Line("#b8860b", "dot")
+"""A model without faults, beside the same one with them, which has its fidelity's own line."""
 
 
 def lines_of(names: Iterable[str]) -> dict[str, Line]:
@@ -84,7 +88,9 @@ def rows(titles: Sequence[str], *, residuals: float = 0.0, spacing: float = 0.02
         vertical_spacing=spacing,
         row_heights=[share / len(titles) for share in shares * len(titles)],
     )
-    shown = [text for title in titles for text in ((title, "residual") if residuals else (title,))]
+    units = [title[title.rfind("[") :] if "[" in title else "" for title in titles]
+    pairs = [(title, f"residual<br>{unit}") if residuals else (title,) for title, unit in zip(titles, units, strict=True)]
+    shown = [text for pair in pairs for text in pair]
     for row, text in enumerate(shown, start=1):
         figure.update_yaxes(title={"text": text, "font": {"size": size}}, row=row, col=1)
     return figure
