@@ -23,11 +23,14 @@ from harness.faults import ESTIMATED, FAULTS
 from harness.identification import intervals
 from harness.identification import page as identified
 from harness.identification.estimates import Estimate
+from harness.prognosis import page as history
+from harness.prognosis.growth import follow
+from harness.prognosis.outlook import Outlook
 from harness.prognosis.page import BAND, FORECAST
 from harness.provenance import provenance
 from harness.show import cost, figures, symbols
 from harness.show.curves import COMMAND, HEALTHY, MEASURED, SPARE, rows
-from harness.show.page import outcome, table
+from harness.show.page import drawn, outcome, table
 
 POINTS = [
     cost.Point("HF", "SIN", 0.1, None),
@@ -152,6 +155,26 @@ def test_measured_lies_under_the_models_and_stays_in_sight() -> None:
     measured, healthy, fitted = (trace.line for trace in drawing.data if trace.xaxis == "x")
     assert measured.width >= 2.5 * max(healthy.width, fitted.width)
     assert (fitted.color, fitted.dash) == (FIDELITIES["ELF+"].colour, FIDELITIES["ELF+"].dash)
+
+
+def test_of_many_runs_both_limits_are_drawn_and_nothing_lies_on_the_edge() -> None:
+    at, sigmas = np.arange(8.0), np.full(8, 0.02)
+    values = {"friction": 1.0 + 0.1 * at, "gain": 1.0 + 0.01 * np.cos(at)}
+    trends = {name: follow(FAULTS[name], FAULTS[name].limit, at, series, sigmas) for name, series in values.items()}
+    drawing = history.figure(Outlook(trends, "days", 8, [], "", []))
+    limits = {axis: sorted({trace.y[0] for trace in drawing.data if "limit" in (trace.name or "") and trace.yaxis == axis})
+              for axis in ("y", "y2")}  # fmt: skip
+    assert limits == {"y": [3.0], "y2": sorted(FAULTS["gain"].limits())}
+    for trace in drawing.data:
+        low, high = drawing.layout[trace.yaxis.replace("y", "yaxis")].range
+        assert low < min(trace.y) and max(trace.y) < high
+    assert [axis.title.text for axis in drawing.select_yaxes()] == ["friction<br>[1]", "gain<br>[1]"]
+
+
+def test_a_figure_of_many_rows_is_higher() -> None:
+    heights = [re.findall(r"--rows:(\d+)", drawn(rows([f"{n} [rad]" for n in range(count)], residuals=0.3), ""))
+               for count in (1, 9)]  # fmt: skip
+    assert heights == [["4"], ["18"]]
 
 
 def test_coverage_is_drawn_of_nothing_without_a_failure() -> None:

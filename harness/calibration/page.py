@@ -16,7 +16,7 @@ from harness.replay.page import figure as replayed
 from harness.replay.replay import Replay
 from harness.show.curves import MEASURED, RESIDUAL, Line, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def page(found: Calibration, record: Provenance) -> str:
     names = ", ".join(item.run.name for item in found.curves)
     verdict = "not all is explained" if found.complaints else "every log is explained"
     lines = (*found.complaints, *found.remarks)
-    notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in lines)
+    notes = "".join(f'<p class="note">{sentence(line)}</p>' for line in lines)
     title = f"{found.actuator.name} calibrated"
     return document(
         f"EMA twins: {title}",
@@ -225,7 +225,7 @@ def _densities(curves: Curves, place: int, scale: float) -> dict[str, tuple[Arra
 
 def _checked(item: Replay) -> str:
     spoken = f"Measured and predicted {', '.join(channel.name for channel in item.channels)} over time."
-    notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in item.remarks)
+    notes = "".join(f'<p class="note">{sentence(line)}</p>' for line in item.remarks)
     return (
         f"<section><h2>{html.escape(item.log.name)}, predicted: nothing of it was fitted</h2>{notes}"
         f"{drawn(replayed(item), spoken, note=REPLAYED)}</section>"

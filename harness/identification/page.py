@@ -16,7 +16,7 @@ from harness.inference.measured import Measured
 from harness.provenance import Provenance
 from harness.show.curves import HEALTHY, MEASURED, RESIDUAL, curve, intervals, lines_of, shade, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table
 
 HEADS = ("Fault", "Estimate", "95 % interval", "Health", "")
 SHOWN = ("Fault", "", "Health", "Estimate", "95 % interval", "Remark")
@@ -35,8 +35,9 @@ def page(
     """
     measured = diagnosis.measured
     kind = "near" if diagnosis.complaints else "over" if any(item.alarm for item in diagnosis.estimates) else "ok"
-    notes = "".join(f"<p>{html.escape(line)}.</p>" for line in diagnosis.remarks)
+    notes = "".join(f"<p>{sentence(line)}</p>" for line in diagnosis.remarks)
     pictures = figures(diagnosis, limits)
+    heading = "Measured and nearest" if diagnosis.complaints else "Measured and identified"
     found = "" if diagnosis.complaints else _found(diagnosis, pictures)
     if diagnosis.complaints:
         notes += (
@@ -50,8 +51,8 @@ def page(
     return document(
         f"EMA twins: {diagnosis.name} identified",
         f"<h1>{html.escape(diagnosis.name)}, identified with {html.escape(diagnosis.fidelity)}</h1>"
-        f'<p class="verdict {kind}">{html.escape(diagnosis.verdict)}.{health}</p>{flown_actuator(actuator)}{notes}{found}'
-        f"<section><h2>Measured and identified</h2>{curves}</section>",
+        f'<p class="verdict {kind}">{sentence(diagnosis.verdict)}{health}</p>{flown_actuator(actuator)}{notes}{found}'
+        f"<section><h2>{heading}</h2>{curves}</section>",
         record,
     )
 

@@ -15,7 +15,7 @@ from harness.prognosis.history import IdentifiedFlight
 from harness.prognosis.outlook import Outlook, life_in_words
 from harness.provenance import Provenance
 from harness.show.curves import SPARE
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table
 
 FORECAST, BAND, LIMIT = "#0e8f9c", "rgba(14,143,156,.3)", "#d6321f"
 """Colours, none of which is a fidelity's."""
@@ -57,7 +57,7 @@ def page(outlook: Outlook, history: Sequence[IdentifiedFlight], record: Provenan
     first, last = history[0].flight.label, history[-1].flight.label
     return document(
         "EMA twins: faults over time",
-        f'<h1>Faults over time</h1><p class="verdict {kind}">{html.escape(outlook.verdict)}.</p>'
+        f'<h1>Faults over time</h1><p class="verdict {kind}">{sentence(outlook.verdict)}</p>'
         f"{flown_actuator(actuator)}"
         f"<p>{outlook.runs} runs, {html.escape(first)} to {html.escape(last)}; times in {outlook.unit} from the first. "
         "The event is a fault at its limit; the event state is the health index, 1 healthy and 0 at the limit.</p>"
@@ -106,7 +106,7 @@ def figure(outlook: Outlook) -> go.Figure:
                 name="limit (health 0)", legendgroup="limit", showlegend=first and place == 0, row=row, col=1,
             )  # fmt: skip
         title = f"{trend.fault.name}<br>[{trend.fault.unit}]"
-        drawing.update_yaxes(title={"text": title, "font": {"size": 11}}, row=row, col=1)
+        drawing.update_yaxes(title={"text": title, "font": {"size": 11}}, range=_reach(trend), row=row, col=1)
         drawing.update_xaxes(range=[begin, end], row=row, col=1)
     drawing.update_xaxes(title_text=f"Time from the first run [{outlook.unit}]", row=len(trends), col=1)
     drawing.update_layout(**LAYOUT)
@@ -137,6 +137,16 @@ def _end(trend: Trend) -> float:
     history later at least."""
     life = (trend.life(0.95)[0] or trend.horizon) if trend.grows else 0.0
     return float(trend.at[-1]) + max(0.5 * float(trend.at[-1] - trend.at[0]), 1.05 * life)
+
+
+def _reach(trend: Trend) -> list[float]:
+    """Ends of the axis of values: all that is drawn, and room, so that no mark or limit lies on the edge."""
+    ends = [*(trend.values - 2.0 * trend.sigmas), *(trend.values + 2.0 * trend.sigmas), *trend.fault.limits(trend.limit)]
+    if trend.grows:
+        ends += np.ravel(trend.forecast[1]).tolist()
+    low, high = float(min(ends)), float(max(ends))
+    room = 0.08 * (high - low)
+    return [low - room, high + room]
 
 
 def _rounded(series: np.ndarray) -> list[float]:

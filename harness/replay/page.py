@@ -11,7 +11,7 @@ from harness.provenance import Provenance
 from harness.replay.replay import Replay
 from harness.show.curves import COMMAND, MEASURED, RESIDUAL, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table
 
 HEADS = ("Channel", "Unit", "Rms", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Lag")
 EXPLAINED = (
@@ -81,7 +81,7 @@ def figures(replays: Sequence[Replay]) -> dict[str, go.Figure]:
 
 def _section(replay: Replay) -> str:
     log = replay.log
-    notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in replay.remarks)
+    notes = "".join(f'<p class="note">{sentence(line)}</p>' for line in replay.remarks)
     caption = f"{len(log.time)} rows, {log.rate:.4g} a second; command {replay.between.value} between rows"
     tracking = table("Position minus command", TRACKING, tracking_rows(replay)) if replay.tracking_error else ""
     names = ", ".join(channel.name for channel in replay.channels)

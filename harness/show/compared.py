@@ -34,7 +34,7 @@ def table_rows(comparisons: Sequence[Comparison]) -> list[tuple[str, ...]]:
             item.trial,
             item.variable,
             percent(item),
-            f"{item.max_abs:.4g} {item.unit}",
+            f"{item.max_abs:.4g}{'' if item.unit == '1' else f' {item.unit}'}",
             f"{item.t_max_abs:.4f} s",
             f"{100 * item.outside:.2f} %",
         )

@@ -15,6 +15,7 @@ from plotly.subplots import make_subplots
 
 from ema_fmu_src.fidelities import FIDELITIES
 
+USUAL_ROWS = 6
 MOST_POINTS = 2501
 """Points drawn of each curve; more cannot be told apart and make the page heavy."""
 SPARE = ("#b8860b", "#0e8f9c", "#c2417c", "#66752a", "#8a5a44", "#4b5fa8")
@@ -77,15 +78,16 @@ def rows(titles: Sequence[str], *, residuals: float = 0.0, spacing: float = 0.02
     """An empty figure: a row for each of `titles` over one axis of time; its row is 1 + its place.
 
     With `residuals`, a share of a row's height, another row for residuals is under each: then a title's row is
-    1 + 2*place, and that of its residuals the next. `spacing` is a share of the figure, `size` that of the titles' letters
-    [pixel].
+    1 + 2*place, and that of its residuals the next.
+    `spacing` is a share of the figure, less where rows are many; `size` that of the titles' letters [pixel].
     """
     shares = [1.0 - residuals, residuals] if residuals else [1.0]
+    n_rows = len(shares) * len(titles)
     figure = make_subplots(
-        rows=len(shares) * len(titles),
+        rows=n_rows,
         cols=1,
         shared_xaxes=True,
-        vertical_spacing=spacing,
+        vertical_spacing=spacing * min(1.0, USUAL_ROWS / n_rows),
         row_heights=[share / len(titles) for share in shares * len(titles)],
     )
     units = [title[title.rfind("[") :] if "[" in title else "" for title in titles]

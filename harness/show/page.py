@@ -25,13 +25,15 @@ th,td{padding:.3rem .7rem;border-bottom:1px solid var(--line);text-align:right;w
 th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}thead th{color:var(--soft);font-weight:600}
 caption{text-align:left;color:var(--soft);padding-bottom:.4rem}
 code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-x:auto}pre{padding:.7rem}
-.figure{height:62rem}.figure.low{height:26rem}.figure.middle{height:40rem}.figure>div{height:100%}.note{color:var(--soft)}
+.figure{height:calc(var(--rows)*10.3rem)}.figure.low{height:26rem}.figure.middle{height:40rem}.figure>div{height:100%}.note{color:var(--soft)}
 .verdict{padding:.6rem .9rem;border-radius:6px;font-weight:600}
 .ok{background:rgba(22,147,91,.18)}.near{background:rgba(214,150,31,.25)}.over{background:rgba(214,50,31,.25)}
 td small{color:var(--soft)}[title]{text-decoration:underline dotted var(--soft);text-underline-offset:.2em}
 details{margin:-1rem 0 1.6rem;color:var(--soft)}summary{cursor:pointer}dt{font-weight:600}dd{margin:0 0 .3rem 1.2rem}
 figcaption{color:var(--soft);margin:.2rem 0 1rem}figure{margin:0}td .mark{padding:.05rem .4rem;border-radius:4px}
-@media (max-width:40rem){.figure{height:70rem}th,td{padding:.3rem .45rem}.words{white-space:normal;min-width:9rem}}
+@media (max-width:40rem){.figure{height:calc(var(--rows)*11.5rem)}
+th,td{padding:.3rem .45rem}}
+.words{white-space:normal;min-width:9rem}
 .origin{color:var(--soft);font-size:.9rem}
 .origin th,.origin td{text-align:left;vertical-align:top}.origin td{white-space:normal;overflow-wrap:anywhere}
 """
@@ -45,8 +47,10 @@ LAYOUT: dict[str, Any] = {
 }
 NAMES = 2
 """Columns of a table, from the left, that hold names."""
+LEAST_ROWS = 4
+"""Rows for which a figure has room, though it has fewer."""
 WORDY = 28
-"""Characters from which a cell is folded on a narrow screen."""
+"""Characters from which a cell may be folded."""
 DIGEST, HEAD = "ema-provenance", 512
 """Name of the element that tells pages apart, and the first characters of a page, among which it is."""
 CONFIG = {"responsive": True, "displaylogo": False}
@@ -100,6 +104,11 @@ def _digest(head: str) -> str:
     return found.group(1) if found else ""
 
 
+def sentence(text: str) -> str:
+    """A line of text as HTML, with a full stop if it has no end."""
+    return html.escape(text if text.endswith((".", "?", "!")) else f"{text}.")
+
+
 def drawn(figure: go.Figure, spoken: str, kind: str = "", note: str = "") -> str:
     """A figure as HTML; `spoken` says in words what it shows, `kind` is "low" for one of a single row.
 
@@ -107,8 +116,10 @@ def drawn(figure: go.Figure, spoken: str, kind: str = "", note: str = "") -> str
     """
     graph = figure.to_html(full_html=False, include_plotlyjs=False, config=CONFIG)
     classes = " ".join(["figure", *([kind] if kind else [])])
+    n_rows = max(LEAST_ROWS, sum(1 for _ in figure.select_yaxes()))
     caption = f"<figcaption>{html.escape(note)}</figcaption>" if note else ""
-    return f'<figure><div class="{classes}" role="img" aria-label="{html.escape(spoken)}">{graph}</div>{caption}</figure>'
+    spoken_as = f'role="img" aria-label="{html.escape(spoken)}"'
+    return f'<figure><div class="{classes}" style="--rows:{n_rows}" {spoken_as}>{graph}</div>{caption}</figure>'
 
 
 def table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
