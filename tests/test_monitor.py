@@ -16,6 +16,7 @@ from harness.prognosis.growth import follow
 from harness.prognosis.history import Flight, IdentifiedFlight, read_flights
 from harness.prognosis.outlook import outlook
 from harness.prognosis.page import figure, page
+from harness.provenance import provenance
 
 
 def grown(rate: float, *, n: int = 20, sigma: float = 0.02, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -139,7 +140,7 @@ def test_faults_without_a_trend_are_named_with_the_reason_and_none_is_below_its_
     assert found.trends["zeta"].level >= 0.0
     assert "backlash: no effect, for gear.backlash is 0" in found.not_followed == found.as_dict()["not_followed"]
     assert "N_a: identifiable in 0 of 6 runs, 3 are needed" in found.not_followed
-    assert "Faults not followed" in page(found, history(1.1, 1.2), "ema monitor")
+    assert "Faults not followed" in page(found, history(1.1, 1.2), provenance(command="ema monitor"))
 
 
 def test_the_forecast_is_drawn_to_the_limit_over_one_time_axis():

@@ -8,6 +8,7 @@ import typer
 from harness.cli.build import fmu_folder
 from harness.cli.guarded import Guarded
 from harness.cli.options import FmuDir, chosen_actuator
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show as show_table
 from harness.errors import HarnessError
 
@@ -50,7 +51,9 @@ def show(
     chosen = chosen_actuator(name)
     if json_file:
         results.prepare_file(json_file)
-    told = refusals(fmu_folder(FIDELITIES.values(), fmus, chosen), chosen.parameters)
+    folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=FIDELITIES.values())
+    told = refusals(folder, chosen.parameters)
     typer.echo(f"{chosen.name}: {chosen.description}" if chosen.description else chosen.name)
     show_table("Parameters", shown.PARAMETER_HEADS, shown.parameter_rows(chosen), words=("Unit", "Origin"), wide=FOLDED)
     typer.echo("Faults and the state at the start that are not listed are healthy and at rest, as ema ports lists them.")
@@ -69,7 +72,7 @@ def show(
     for line in chosen.warnings:
         typer.echo(f"warning: {line}", err=True)
     if json_file:
-        results.write_json(json_file, shown.as_dict(chosen, told))
+        write_json(json_file, shown.as_dict(chosen, told), record)
 
 
 @actuator.command("list")

@@ -1,6 +1,5 @@
 """`ema calibrate`."""
 
-import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +11,13 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Monitor,
     chosen_actuator,
     chosen_columns,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress, show
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED
@@ -53,6 +54,7 @@ def calibrate(
         float, typer.Option(metavar="PART", help="Of a channel's range, that may be left unexplained.")
     ] = 0.01,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fit an actuator's parameters to runs that are known to be healthy; writes an actuator file, and a page beside it.
@@ -63,10 +65,12 @@ def calibrate(
     from harness.calibration.bench import Bench
     from harness.calibration.calibrate import calibrate as fit
     from harness.calibration.logs import flown_again, named, parse_own, runs_of
+    from harness.calibration.page import figures as figures_of
     from harness.calibration.page import page
     from harness.calibration.table import file_text, with_files
     from harness.fidelity import parse_fidelity
     from harness.files import results
+    from harness.show import figures as papers
 
     chosen, freed = _freed(chosen_actuator(actuator), free)
     fidelity = parse_fidelity(model, "--monitor")
@@ -86,8 +90,11 @@ def calibrate(
     target = out.with_suffix(".html")
     for path in (out, target, *([json_file] if json_file else [])):
         results.prepare_file(path)
+    if figures:
+        papers.prepare(figures)
     flown = [fidelity, *([REFERENCE] if fidelity is not REFERENCE else [])]
     folder = fmu_folder([FIDELITIES[each.name] for each in flown], fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=flown)
     bench = Bench(folder, fidelity, common, {n: own[path] for n, (path, _, _) in enumerate(read) if path in own})
     with progress() as shown:
         task = shown.add_task("reading", total=None)
@@ -100,12 +107,15 @@ def calibrate(
     name = chosen.name if actuator and Path(actuator).suffix else out.stem  # the library's own names stay the library's
     found = replace(found, actuator=replace(with_files(found.actuator, logs), name=name))
     content = file_text(found.actuator, actuator, common, freed)
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]])))
+    results.write(target, page(found, record))
     if json_file:
-        results.write_json(json_file, {"actuator": found.actuator.identity, **found.as_dict()})
+        write_json(json_file, {"actuator": found.actuator.identity, **found.as_dict()}, record)
     results.write(out, content)
     _print(found)
     typer.echo(f"actuator: {out}   page: {target}")
+    if figures:
+        papers.save(figures, figures_of(found), target.stem)
+        typer.echo(f"figures: {figures}")
     if found.complaints:
         sys.exit(1)
 

@@ -1,6 +1,5 @@
 """`ema check`."""
 
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ import typer
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
 from harness.cli.build import fmu_folder, refuse_another
 from harness.cli.options import ActuatorOption, FmuDir, Settings, chosen_actuator, chosen_parameters, small
+from harness.cli.origin import provenance
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 
@@ -66,6 +66,7 @@ def check(
     wanted = {REFERENCE.name, *(fidelity for fidelities in allowed.values() for fidelity in fidelities)}
     folder = fmus or fmu_folder(FIDELITIES[name] for name in sorted(wanted))
     refuse_another([folder / FIDELITIES[name].fmu for name in wanted], chosen)
+    record = provenance(chosen, fmus=folder, fidelities=[FIDELITIES[name] for name in FIDELITIES if name in wanted])
     judged, flown = budgeting.check(
         allowed,
         fmus=folder,
@@ -81,9 +82,8 @@ def check(
         before = markdown.read_text(encoding="utf-8") if markdown.exists() else ""
         results.write(markdown, before + verdicts.markdown(judged))
     if page:
-        command = shlex.join(["ema", *sys.argv[1:]])
-        flown = experiment_of(flown, chosen)
-        content = report.page(flown, parameters=parameters, command=command, budgets=allowed, actuator=chosen)
+        flown = experiment_of(flown, chosen, record)
+        content = report.page(flown, parameters=parameters, record=record, budgets=allowed, actuator=chosen)
         results.write(page, content)
     outside = [verdict for verdict in judged if not verdict.passed]
     for line in dict.fromkeys(verdict.line for verdict in outside):

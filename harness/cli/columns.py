@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from harness.cli.options import ActuatorOption, Columns, chosen_actuator, chosen_columns
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 
 
@@ -24,7 +25,7 @@ def columns(
         results.prepare_file(json_file)
     found = describe(file, chosen_columns(mapping, chosen), chosen.output)
     if json_file:
-        results.write_json(json_file, found.as_dict())
+        write_json(json_file, found.as_dict(), provenance(chosen))
     rows = [
         (
             str(each.number),

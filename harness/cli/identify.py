@@ -1,6 +1,5 @@
 """`ema identify`."""
 
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +10,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Limits,
     Monitor,
@@ -22,6 +22,7 @@ from harness.cli.options import (
     chosen_limits,
     chosen_monitor,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show, working
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, THRESHOLD
@@ -44,6 +45,7 @@ def identify(
     ] = 0.003,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the diagnosis as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Identify the faults of a measured run: estimates with intervals, health, a verdict, a page.
@@ -55,8 +57,11 @@ def identify(
     from harness.files import results
     from harness.files.reader import stem
     from harness.identification import diagnosis
+    from harness.identification.page import figures as figures_of
     from harness.identification.page import page
     from harness.inference.measured import read_measured
+    from harness.show import figures as papers
+    from harness.show.page import write_page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
     chosen = chosen_actuator(actuator)
@@ -71,7 +76,11 @@ def identify(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
-    folder = fmu_folder(diagnosis.models_for(fidelity), fmus, chosen)
+    if figures:
+        papers.prepare(figures)
+    models = diagnosis.models_for(fidelity)
+    folder = fmu_folder(models, fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=models)
     with working() as on_step:
         found = diagnosis.identify(
             run,
@@ -84,12 +93,14 @@ def identify(
             tolerance=tolerance,
             on_step=on_step,
         )
-    target = out / f"{stem(measured)}_identified.html"
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    target = write_page(out / f"{stem(measured)}_identified.html", page(found, record, chosen, health_limits))
     if json_file:
-        results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
+        write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
     typer.echo(f"page: {target}   actuator: {chosen.name}")
+    if figures:
+        papers.save(figures, figures_of(found, health_limits), target.stem)
+        typer.echo(f"figures: {figures}")
     if found.complaints:
         sys.exit(1)
 

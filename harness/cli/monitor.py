@@ -1,6 +1,5 @@
 """`ema monitor`."""
 
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +10,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Limits,
     Monitor,
@@ -21,6 +21,7 @@ from harness.cli.options import (
     chosen_limits,
     chosen_monitor,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress, show
 from harness.errors import required_extra
 from harness.faults import ESTIMATED, THRESHOLD
@@ -40,6 +41,7 @@ def monitor(
     workers: Annotated[int, typer.Option(metavar="N", help="Processes; 0: one a core.")] = 0,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the outlook as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Follow faults over measured runs, one a flight: trends, and the remaining useful life until their limits.
@@ -49,9 +51,12 @@ def monitor(
     from harness.files import results
     from harness.identification.diagnosis import models_for
     from harness.prognosis.history import identify_all, read_flights
+    from harness.show import figures as papers
+    from harness.show.page import write_page
 
     with required_extra("prognosis"):
         from harness.prognosis.outlook import outlook
+        from harness.prognosis.page import figures as figures_of
         from harness.prognosis.page import page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
@@ -63,7 +68,10 @@ def monitor(
         results.prepare(out)
         if json_file:
             results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     folder = fmu_folder(models_for(fidelity), fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=models_for(fidelity), also=[flight.path for flight in flights])
     with progress() as shown:
         task = shown.add_task("identifying", total=len(flights))
         history = identify_all(
@@ -79,11 +87,14 @@ def monitor(
             on_flight=lambda: shown.advance(task),
         )
     found = outlook(history, health_limits, unit)
-    results.write(out / "monitor.html", page(found, history, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    target = write_page(out / "monitor.html", page(found, history, record, chosen))
     if json_file:
-        results.write_json(json_file, {"actuator": chosen.identity, **found.as_dict()})
+        write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
-    typer.echo(f"page: {out / 'monitor.html'}")
+    typer.echo(f"page: {target}")
+    if figures:
+        papers.save(figures, figures_of(found), target.stem)
+        typer.echo(f"figures: {figures}")
     if found.problems:
         sys.exit(1)
 

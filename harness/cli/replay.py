@@ -1,7 +1,5 @@
 """`ema replay`."""
 
-import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +9,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Settings,
     WithFiles,
@@ -19,6 +18,7 @@ from harness.cli.options import (
     chosen_parameters,
     end_stop,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def replay(
     settings: Settings = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fly a twin along the command of a log, and say how far it is from what was measured, channel by channel."""
@@ -43,8 +44,11 @@ def replay(
     from harness.flight.interrupt import deferred
     from harness.flight.twin import Twin
     from harness.logs.read import read_log
+    from harness.replay.page import figures as figures_of
     from harness.replay.page import page
     from harness.replay.replay import replay as fly
+    from harness.show import figures as papers
+    from harness.show.page import write_page
 
     chosen = chosen_actuator(actuator)
     flown = parse_fidelity(fidelity, "--fidelity")
@@ -55,16 +59,21 @@ def replay(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     folder = fmu_folder([flown], fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=[flown])
     with deferred() as interrupted, Twin(folder / flown.fmu) as twin:
         found = [fly(each, twin, flown, parameters, on_progress=lambda done: interrupted()) for each in logs]
-    target = out / f"{stem(log)}_replayed.html"
-    results.write(target, page(found, shlex.join(["ema", *sys.argv[1:]]), chosen))
+    target = write_page(out / f"{stem(log)}_replayed.html", page(found, record, chosen))
     if json_file:
-        results.write_json(json_file, _as_dict(found, log, chosen.identity))
+        write_json(json_file, _as_dict(found, log, chosen.identity), record)
     for item in found:
         _print(item)
     typer.echo(f"page: {target}   actuator: {chosen.name}")
+    if figures:
+        papers.save(figures, figures_of(found), target.stem)
+        typer.echo(f"figures: {figures}")
 
 
 def _as_dict(found: "list[Replay]", log: Path, actuator: dict[str, str]) -> dict[str, object]:

@@ -1,6 +1,5 @@
 """`ema run`."""
 
-import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     JsonFile,
     Settings,
@@ -23,6 +23,7 @@ from harness.cli.options import (
     end_stop,
     small,
 )
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress, show
 
 FORMATS = ("csv", "parquet", "nc", "mat", "mf4")
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from harness.actuators.actuator import Actuator
     from harness.flight.experiment import Experiment
     from harness.flight.switch import Schedule
+    from harness.provenance import Provenance
     from harness.trials import Trial
 
 
@@ -56,6 +58,7 @@ def run(
     form: Annotated[str, typer.Option("--format", metavar="|".join(FORMATS), help="Of the trajectories.")] = "csv",
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trajectories and page.")] = Path("results"),
     json_file: JsonFile = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fly trials with all fidelities, compare them, write trajectories and a page (HTML).
@@ -67,6 +70,8 @@ def run(
     from harness.files import results
     from harness.files.writers import check_format
     from harness.flight.switch import parse_schedule
+    from harness.show import figures as papers
+    from harness.show import report
     from harness.show.outside import experiment_of
 
     suffix = check_format(form)
@@ -81,23 +86,30 @@ def run(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     names = {compared_with.name, *(each.name for each in wanted), *(each.name for each in schedules)}
     for path in _trajectories(flown, names, out, suffix):
         results.prepare_file(path)
     switched = [each for schedule in schedules for each in schedule.fidelities]
-    folder = fmu_folder([*wanted, compared_with, *switched], fmus, chosen)
+    every = [*wanted, compared_with, *switched]
+    folder = fmu_folder(every, fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=every)
 
     experiment = _fly(flown, wanted, compared_with, schedules, folder, parameters, isolate=isolate)
-    experiment = experiment_of(experiment, chosen)
+    experiment = experiment_of(experiment, chosen, record)
     _write_trajectories(experiment, out, suffix)
     if experiment.stopped:
         raise KeyboardInterrupt
-    _write_page(experiment, parameters, out / "report.html", chosen)
+    target = _write_page(experiment, parameters, out / "report.html", chosen, record)
     if json_file:
         entries = [(trial, name, dataset) for (trial, name), dataset in experiment.runs.items()]
-        results.write_json(json_file, {"actuator": chosen.identity, **summary(entries, experiment.comparisons)})
+        write_json(json_file, {"actuator": chosen.identity, **summary(entries, experiment.comparisons)}, record)
     _print(experiment)
-    typer.echo(f"page: {out / 'report.html'}   trajectories: {out / f'TRIAL_FIDELITY.{suffix}'}")
+    typer.echo(f"page: {target}   trajectories: {out / f'TRIAL_FIDELITY.{suffix}'}")
+    if figures:
+        papers.save(figures, report.figures(experiment), target.stem)
+        typer.echo(f"figures: {figures}")
     if experiment.failures:
         sys.exit(1)
 
@@ -168,16 +180,17 @@ def _write_trajectories(experiment: "Experiment", out: Path, suffix: str) -> Non
         typer.echo(f"stopped; what was computed is in {written}", err=True)
 
 
-def _write_page(experiment: "Experiment", parameters: dict[str, float], path: Path, actuator: "Actuator") -> None:
+def _write_page(
+    experiment: "Experiment", parameters: dict[str, float], path: Path, actuator: "Actuator", record: "Provenance"
+) -> Path:
     from harness.budgets import read_budgets
-    from harness.files import results
     from harness.show import report
+    from harness.show.page import write_page
 
     healthy = experiment.reference == REFERENCE.name and not parameters  # what the budgets are for
-    command = shlex.join(["ema", *sys.argv[1:]])
     budgets = read_budgets() if healthy else None
-    page = report.page(experiment, parameters=parameters, command=command, budgets=budgets, actuator=actuator)
-    results.write(path, page)
+    page = report.page(experiment, parameters=parameters, record=record, budgets=budgets, actuator=actuator)
+    return write_page(path, page)
 
 
 def _print(experiment: "Experiment") -> None:

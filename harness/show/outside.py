@@ -8,21 +8,23 @@ from harness.actuators.actuator import Actuator
 from harness.comparison import Comparison
 from harness.flight.experiment import Experiment
 from harness.flight.switch import Jump
+from harness.provenance import Provenance
 
 
-def run_of(run: xr.Dataset, actuator: Actuator) -> xr.Dataset:
-    """A run in the actuator's units outside, with its name and hash among the attributes."""
-    return actuator.output.shown(run).assign_attrs(actuator=actuator.name, actuator_sha256=actuator.sha256)
+def run_of(run: xr.Dataset, actuator: Actuator, record: Provenance | None = None) -> xr.Dataset:
+    """A run in the actuator's units outside; its attributes have the actuator's name and hash, and the `record` as JSON."""
+    about = {"actuator": actuator.name, "actuator_sha256": actuator.sha256}
+    return actuator.output.shown(run).assign_attrs(about | ({"provenance": record.as_text()} if record else {}))
 
 
-def experiment_of(experiment: Experiment, actuator: Actuator) -> Experiment:
-    """An experiment in the actuator's units outside: runs, comparisons and jumps."""
+def experiment_of(experiment: Experiment, actuator: Actuator, record: Provenance | None = None) -> Experiment:
+    """An experiment in the actuator's units outside, with that provenance: runs, comparisons and jumps."""
     return replace(
         experiment,
-        runs={key: run_of(run, actuator) for key, run in experiment.runs.items()},
+        runs={key: run_of(run, actuator, record) for key, run in experiment.runs.items()},
         comparisons=[_comparison(item, actuator) for item in experiment.comparisons],
         jumps=[_jump(item, actuator) for item in experiment.jumps],
-        partial=None if experiment.partial is None else run_of(experiment.partial, actuator),
+        partial=None if experiment.partial is None else run_of(experiment.partial, actuator, record),
     )
 
 

@@ -12,10 +12,13 @@ from harness.actuators.actuator import DEFAULT, Actuator
 from harness.budgets import Budgets
 from harness.comparison import FIGURES, Comparison, percent, titles
 from harness.flight.experiment import Experiment
+from harness.provenance import Provenance
+from harness.show import cost
 from harness.show.curves import COMMAND, RESIDUAL, Line, curve, intervals, lines_of, rows, shade, thinned
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin
+from harness.show.page import LAYOUT, document, drawn, flown_actuator
 
 Points = Callable[[Any, Any], tuple[Any, Any]]
+COST = "error against cost"
 INSTANTANEOUS = "equivalent_current"
 """Drawn in the row of the filtered current, hidden until its name in the legend is pressed."""
 
@@ -24,38 +27,48 @@ def page(
     experiment: Experiment,
     *,
     parameters: Mapping[str, float],
-    command: str,
+    record: Provenance,
     budgets: Budgets | None = None,
     actuator: Actuator = DEFAULT,
 ) -> str:
     """The page as HTML text, with everything it needs inside it; errors are judged by `budgets` where there are any.
 
-    `parameters` are those that were set for all runs; `command` is the command line that makes the page again; `actuator` is
-    the one that was flown, in whose units outside `experiment` is.
+    `parameters` are those that were set for all runs; `record` says where the page comes from; `actuator` is the one that
+    was flown, in whose units outside `experiment` is.
     """
     trials = list(dict.fromkeys(trial for trial, _ in experiment.runs))
-    lines = lines_of(fidelity for _, fidelity in experiment.runs)
+    pictures = figures(experiment)
+    below_curves = f"Shaded: {experiment.reference} is limited by its voltage; {RESIDUAL} {experiment.reference}."
     sections = "".join(
-        f"<section><h2>{html.escape(trial)}</h2>{drawn(figure_of(trial, experiment, lines), spoken(trial, experiment))}"
-        "</section>"
+        f"<section><h2>{html.escape(trial)}</h2>"
+        f"{drawn(pictures[trial], spoken(trial, experiment), note=below_curves)}</section>"
         for trial in trials
     )
     settings = ", ".join(f"{name} = {value:g}" for name, value in parameters.items()) or "all at their defaults"
-    cost = "Error of position against wall time per simulated second, by fidelity; the table has the figures."
+    told = "Error of position against wall time per simulated second, by fidelity; the table has the figures."
+    below = cost.note(_points(experiment), experiment.reference)
     return document(
         f"EMA twins: {', '.join(trials)}",
         f"<h1>EMA twins side by side</h1>{verdict(experiment, budgets or {})}{flown_actuator(actuator)}"
         f"<p>Every fidelity flown as an FMU and compared with {experiment.reference}. "
         "NRMSE is the rms difference over the range of the reference.</p>"
         f'<div class="scroll" tabindex="0">{table(experiment, trials, budgets or {})}</div>'
-        f"<section><h2>Error against cost</h2>{drawn(_cost(experiment, lines), cost, 'low')}</section>"
-        f"{sections}{origin(command, f'; FMUs: {html.escape(_hashes(experiment))}; parameters: {html.escape(settings)}')}",
+        f"<section><h2>Error against cost</h2>{drawn(pictures[COST], told, 'low', below)}"
+        "</section>"
+        f"{sections}",
+        record,
+        f"Parameters: {html.escape(settings)}",
     )
 
 
-def _hashes(experiment: Experiment) -> str:
-    found = {run.attrs["fmu"]: run.attrs["fmu_sha256"][:12] for run in experiment.runs.values()}
-    return ", ".join(f"{name} (SHA-256 {digest}...)" for name, digest in found.items())
+def figures(experiment: Experiment) -> dict[str, go.Figure]:
+    """The figures of the page by name: error against cost, and each trial."""
+    lines = lines_of(fidelity for _, fidelity in experiment.runs)
+    trials = dict.fromkeys(trial for trial, _ in experiment.runs)
+    return {
+        COST: cost.figure(_points(experiment), experiment.reference),
+        **{trial: figure_of(trial, experiment, lines) for trial in trials},
+    }
 
 
 def _budget(budgets: Budgets, item: Comparison) -> float | None:
@@ -106,26 +119,13 @@ def table(experiment: Experiment, trials: list[str], budgets: Budgets) -> str:
     )
 
 
-def _cost(experiment: Experiment, lines: Mapping[str, Line]) -> go.Figure:
-    """Error of position against wall time, a mark for each run."""
-    figure = go.Figure()
-    names = dict.fromkeys(fidelity for _, fidelity in experiment.runs if fidelity != experiment.reference)
-    for name in names:
-        runs = [(trial, run) for (trial, fidelity), run in experiment.runs.items() if fidelity == name]
-        items = [experiment.errors_of(trial, name).get("position") for trial, _ in runs]
-        figure.add_scatter(
-            x=[run.attrs["wall_s"] / run.attrs["simulated_s"] for _, run in runs],
-            y=[100.0 * item.nrmse if item and item.nrmse else None for item in items],
-            text=[trial for trial, _ in runs],
-            mode="markers+text",
-            textposition=["top right", "middle right", "bottom right"][len(figure.data) % 3],
-            name=name,
-            marker={"size": 11, "color": lines[name].colour},
-        )
-    figure.update_xaxes(type="log", title="wall s / simulated s")
-    figure.update_yaxes(type="log", title="error of position [%]")
-    figure.update_layout(**LAYOUT)
-    return figure
+def _points(experiment: Experiment) -> list[cost.Point]:
+    points = []
+    for (trial, fidelity), run in experiment.runs.items():
+        found = experiment.errors_of(trial, fidelity).get("position")
+        wall = run.attrs["wall_s"] / run.attrs["simulated_s"]
+        points.append(cost.Point(fidelity, trial, wall, found.nrmse if found else None))
+    return points
 
 
 def spoken(trial: str, experiment: Experiment) -> str:
@@ -170,7 +170,6 @@ def figure_of(
         instantaneous.update(name=f"{fidelity} instantaneous", legendgroup=None, visible="legendonly", opacity=0.5)
         figure.add_trace(instantaneous, row=each * (len(FIGURES) - 1) + 1, col=1)
     shade(figure, intervals(time, reference["voltage_saturated"].values), "rgba(214,150,31,.16)")
-    told = f"; {RESIDUAL} {experiment.reference}" if residuals else ""
-    figure.update_xaxes(title_text=f"Time [s] (shaded: voltage-limited{told})", row=each * len(FIGURES), col=1)
+    figure.update_xaxes(title_text="Time [s]", row=each * len(FIGURES), col=1)
     figure.update_layout(**LAYOUT, hovermode="x unified")
     return figure

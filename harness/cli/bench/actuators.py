@@ -1,7 +1,5 @@
 """`ema bench identify --actuators N`: the table on random actuators."""
 
-import shlex
-import sys
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -13,6 +11,7 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError, unknown
 
@@ -46,19 +45,28 @@ class Wanted:
             raise HarnessError("--actuators, --exact and --seed of 0 or more are needed")
 
 
-def actuators(wanted: Wanted, json_file: Path | None, out: Path | None, fmus: Path | None) -> None:
+def actuators(
+    wanted: Wanted, json_file: Path | None, out: Path | None, fmus: Path | None, figures: Path | None = None
+) -> None:
     """Do what is not yet done, and print, write and draw what there is."""
     from harness.bench import jobs, table
     from harness.bench.kept import Kept
+    from harness.bench.pictures import figures as figures_of
     from harness.bench.pictures import page
     from harness.fidelity import FIDELITIES
     from harness.files import results
+    from harness.show import figures as papers
+    from harness.show.page import write_page
 
     wanted.check()
     for path in (out / PAGE if out else None, json_file):
         if path:
             results.prepare_file(path)
-    folder = fmu_folder([FIDELITIES[name] for name in ("HF", "ELF+")], fmus)
+    if figures:
+        papers.prepare(figures)
+    models = [FIDELITIES[name] for name in ("HF", "ELF+")]
+    folder = fmu_folder(models, fmus)
+    record = provenance(fmus=folder, fidelities=models)
     with _folder(wanted.keep) as keep:
         kept = Kept.opened(keep, wanted.seed, wanted.rate, folder)
         _do(wanted, kept, folder)
@@ -72,10 +80,12 @@ def actuators(wanted: Wanted, json_file: Path | None, out: Path | None, fmus: Pa
         show(each)
     if json_file:
         content = {"cases": [item.as_dict() for item in found], "calibrations": calibrations}
-        results.write_json(json_file, {**kept.as_dict(), **content, "checks": [check.as_dict() for check in listed]})
+        write_json(json_file, {**kept.as_dict(), **content, "checks": [check.as_dict() for check in listed]}, record)
     if out:
-        results.write(out / PAGE, page(found, tables, shlex.join(["ema", *sys.argv[1:]]), kept.as_dict()))
-        typer.echo(f"page: {out / PAGE}")
+        typer.echo(f"page: {write_page(out / PAGE, page(found, tables, record, kept.as_dict()))}")
+    if figures:
+        papers.save(figures, figures_of(found), Path(PAGE).stem)
+        typer.echo(f"figures: {figures}")
 
 
 def _do(wanted: Wanted, kept: "Kept", fmus: Path) -> None:

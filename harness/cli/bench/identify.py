@@ -7,7 +7,8 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, FmuDir, chosen_actuator
+from harness.cli.options import ActuatorOption, Figures, FmuDir, chosen_actuator
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
@@ -28,6 +29,7 @@ def identify(
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write every case as JSON.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench_identify.html.")] = None,
     actuator: ActuatorOption = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
     actuators: Annotated[
         int | None,
@@ -56,14 +58,11 @@ def identify(
     With another actuator (--actuator), the limits that this project sets itself are the default one's and are left out.
     With --actuators, the plants are random actuators whose parameters the diagnosis does not know.
     """
-    import shlex
-    import sys
-
     from harness.bench import identify as bench
     from harness.bench import summary
     from harness.fidelity import FIDELITIES
     from harness.files import results
-    from harness.show.page import document, flown_actuator, origin
+    from harness.show.page import document, flown_actuator, write_page
     from harness.show.page import table as as_html
 
     _check_rate(rate)
@@ -73,10 +72,10 @@ def identify(
 
         if actuator is not None:
             raise HarnessError("--actuators draws from the default actuator; --actuator cannot be given too")
-        on_actuators(Wanted(actuators, exact, parts or (), keep, seed, rate, workers), json_file, out, fmus)
+        on_actuators(Wanted(actuators, exact, parts or (), keep, seed, rate, workers), json_file, out, fmus, figures)
         return
-    if keep is not None or parts:
-        raise HarnessError("--keep and --part need --actuators")
+    if keep is not None or parts or figures is not None:
+        raise HarnessError("--keep, --part and --figures need --actuators")
     if cases < 1 or healthy < 0 or not 0 <= evolution <= cases:
         raise HarnessError(
             "--cases of 1 or more, --healthy of 0 or more, --evolution of 0 to the number of cases are needed"
@@ -87,6 +86,7 @@ def identify(
     chosen = chosen_actuator(actuator)
     _refuse_extremes(chosen)
     folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=FIDELITIES.values())
     with progress() as shown:
         task = shown.add_task("identifying", total=cases + healthy + evolution)
         found, others = bench.run(
@@ -106,12 +106,11 @@ def identify(
     for table in tables:
         show(table)
     if json_file:
-        results.write_json(json_file, {"actuator": chosen.identity, **summary.as_dict(found, others, listed)})
+        write_json(json_file, {"actuator": chosen.identity, **summary.as_dict(found, others, listed)}, record)
     if out:
         body = "<h1>Identification, measured</h1>" + flown_actuator(chosen) + "".join(as_html(*table) for table in tables)
-        command = shlex.join(["ema", *sys.argv[1:]])
-        results.write(out / "bench_identify.html", document("EMA twins: identification, measured", body + origin(command)))
-        typer.echo(f"page: {out / 'bench_identify.html'}")
+        content = document("EMA twins: identification, measured", body, record)
+        typer.echo(f"page: {write_page(out / 'bench_identify.html', content)}")
 
 
 def _check_rate(rate: float) -> None:

@@ -7,7 +7,8 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, FmuDir, JsonFile, chosen_actuator, small
+from harness.cli.options import ActuatorOption, Figures, FmuDir, JsonFile, chosen_actuator, small
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
 
@@ -32,6 +33,7 @@ def speed(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench.html.")] = None,
     json_file: JsonFile = None,
     actuator: ActuatorOption = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run.
@@ -39,15 +41,15 @@ def speed(
     Another actuator (--actuator) is timed and its errors are told; peers, overhead, limits and the comparison of drives are
     the default one's.
     """
-    import shlex
-    import sys
-
     from harness.bench import drive, overhead
     from harness.bench import speed as timing
+    from harness.bench.page import figures as figures_of
     from harness.bench.page import page
     from harness.bench.peers import measure as measure_peers
     from harness.fidelity import FIDELITIES
     from harness.files import results
+    from harness.show import figures as papers
+    from harness.show.page import write_page
     from harness.trials import BUILT_IN, trial
 
     if repeats < 1:
@@ -56,10 +58,13 @@ def speed(
     for path in (out / "bench.html" if out else None, json_file):
         if path:
             results.prepare_file(path)
+    if figures:
+        papers.prepare(figures)
     chosen = chosen_actuator(actuator)
     for line in small([trial(name) for name in names], chosen):
         typer.echo(line, err=True)
     folder = fmu_folder(FIDELITIES.values(), fmus, chosen)
+    record = provenance(chosen, fmus=folder, fidelities=FIDELITIES.values())
     measured = _with_progress(
         lambda on_run: timing.measure(folder, names, repeats=repeats, actuator=chosen, on_run=on_run),
         timing.count_runs(names, repeats, chosen),
@@ -87,8 +92,8 @@ def speed(
     for table in tables:
         show(table)
     if out:
-        results.write(out / "bench.html", page(tables, measured, shlex.join(["ema", *sys.argv[1:]]), chosen))
-        typer.echo(f"page: {out / 'bench.html'}")
+        target = write_page(out / "bench.html", page(tables, measured, record, chosen))
+        typer.echo(f"page: {target}")
     if json_file:
         content = {
             "actuator": chosen.identity,
@@ -99,7 +104,10 @@ def speed(
             "peers": [vars(peer) for peer in peer_times],
             "checks": [check.as_dict() for check in found],
         }
-        results.write_json(json_file, content)
+        write_json(json_file, content, record)
+    if figures:
+        papers.save(figures, figures_of(measured), "bench")
+        typer.echo(f"figures: {figures}")
 
 
 def _with_progress(run: "Callable[[Callable[[str], None]], T]", total: int) -> "T":
