@@ -363,7 +363,7 @@ def browser() -> Iterator[Any]:
 def page(server: Server, browser: Any) -> Iterator[Any]:
     """The page, drawn; in the end, nothing was complained of, and nobody else was asked."""
     opened = browser.new_page()
-    opened.set_default_timeout(60_000)
+    opened.set_default_timeout(120_000)
     complaints: list[str] = []
     opened.on("console", lambda message: complaints.append(message.text) if message.type in ("error", "warning") else None)
     opened.on("pageerror", lambda error: complaints.append(str(error)))
