@@ -69,7 +69,11 @@ def app(fleet: Fleet, hangar: Hangar, hosts: Hosts) -> Flask:
     def fmu() -> Response:
         _, flight = asked()
         name = FIDELITIES[flight.reference].fmu
-        return _attached(Response((fleet.fmus / name).read_bytes(), mimetype=SENT), name)
+        try:
+            data = (fleet.fmus / name).read_bytes()
+        except OSError as error:
+            raise Refused(f"{name}: cannot be read: {error.strerror}", HTTPStatus.GONE) from None
+        return _attached(Response(data, mimetype=SENT), name)
 
     @made.post("/file")
     def file() -> dict[str, str]:

@@ -50,7 +50,8 @@ def page(hangar: Hangar, wish: Wish, actuator: Actuator, problem: str = "") -> s
 <button type="button" data-picture="svg">Figure as SVG</button> <button type="button" id="csv">Trajectories as CSV</button>
 <button type="button" id="fmu">FMU</button></p><div class="scroll" tabindex="0" id="table"></div>
 <h2>The same on the command line</h2><pre id="command" tabindex="0"></pre>
-<p class="note">EMA twins {__version__}. The trajectories and the FMU are those of the highest fidelity shown.</p>
+<p class="note">EMA twins {__version__}. The trajectories and the FMU are those of the highest fidelity shown;
+the FMU starts with the values that it was built with, not with what is set here.</p>
 </section></main></body></html>"""
 
 
