@@ -112,6 +112,13 @@ class Fault(FaultParameter):
         distance = abs(self.limit - self.healthy)
         return self.healthy + (distance if value > self.healthy else -distance)
 
+    def limits(self, limit: float | None = None) -> tuple[float, ...]:
+        """The values at which health is 0: `limit`, by default its own, and its mirror, if the fault goes so far there."""
+        end = self.limit if limit is None else limit
+        mirror = 2.0 * self.healthy - end
+        low, high = self.searched
+        return (end, mirror) if low <= mirror <= high else (end,)
+
     def health(self, value: float, limit: float | None = None) -> float:
         """Health index of `value`, by its distance from healthy to either side: 1 healthy, 0 at or beyond the limit."""
         end = self.limit if limit is None else limit

@@ -94,6 +94,7 @@ def test_build_of_one_fidelity(tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_compare_lists_every_variable(
     fmus: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     own = _csv(tmp_path, "time,command\n0,0\n0.05,0.01\n")
     json_file = tmp_path / "out.json"
     arguments = ["compare", str(fmus["ELF"]), "--reference", str(fmus["HF"]), "--trial-file", own]

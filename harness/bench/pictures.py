@@ -10,6 +10,7 @@ from scipy.stats import beta
 from harness.bench.jobs import CALIBRATED, Found
 from harness.bench.table import COVERED, ERRORS, Table, confusion, labels, of_actuators, of_part, present
 from harness.provenance import Provenance
+from harness.show.curves import SPARE
 from harness.show.page import LAYOUT, document, drawn, table
 
 
@@ -17,7 +18,8 @@ def coverage_figure(found: Sequence[Found]) -> go.Figure:
     """Part of the 95 % intervals that cover the truth, by fault, calibrated and exact, with the interval of Clopper and
     Pearson (Biometrika 26 (1934) 404)."""
     drawing = go.Figure()
-    for name, own in ((CALIBRATED, of_actuators(found, CALIBRATED, faulted=True)), ("exact", of_part(found, "exact"))):
+    known = ((CALIBRATED, of_actuators(found, CALIBRATED, faulted=True)), ("exact", of_part(found, "exact")))
+    for (name, own), colour in zip(known, SPARE, strict=False):
         outcomes = {kind: present(own, kind) for kind in ERRORS}
         kinds = [kind for kind in ERRORS if outcomes[kind]]
         hits, sizes = [sum(out.covered for out in outcomes[kind]) for kind in kinds], [len(outcomes[k]) for k in kinds]
@@ -32,11 +34,12 @@ def coverage_figure(found: Sequence[Found]) -> go.Figure:
             },
             text=[f"{hit} of {size}" for hit, size in zip(hits, sizes, strict=True)],
             mode="markers",
+            cliponaxis=False,
             name=name,
-            marker={"size": 11},
+            marker={"size": 11, "color": colour},
         )
-    drawing.add_hrect(*COVERED, line_width=0, fillcolor="#16935b", opacity=0.15)
-    drawing.update_yaxes(title="95 % intervals that cover the truth, %", range=[0, 104])
+    drawing.add_hrect(*COVERED, line_width=0, fillcolor="#888888", opacity=0.25)
+    drawing.update_yaxes(title="95 % intervals that cover the truth [%]", range=[0, 104])
     drawing.update_layout(**LAYOUT, scattermode="group")
     return drawing
 
@@ -52,18 +55,19 @@ def distance_figure(found: Sequence[Found]) -> go.Figure:
     """Error of each fault that is there against the distance of its actuator from nominal."""
     drawing = go.Figure()
     own = of_actuators(found, CALIBRATED, faulted=True)
-    for kind in ERRORS:
+    for kind, colour in zip(ERRORS, SPARE, strict=False):
         points = [(item, out) for item in own for out in present([item], kind)]
         drawing.add_scatter(
             x=[item.distance for item, _ in points],
             y=[100.0 * out.error for _, out in points],
             text=[item.job.name for item, _ in points],
             mode="markers",
+            cliponaxis=False,
             name=kind,
-            marker={"size": 9},
+            marker={"size": 9, "color": colour},
         )
-    drawing.update_xaxes(title="distance from nominal, root mean square of the parameters, in standard deviations")
-    drawing.update_yaxes(type="log", title="error, % of the fault's range")
+    drawing.update_xaxes(title="distance from nominal, rms over the parameters [standard deviations]")
+    drawing.update_yaxes(type="log", title="error, of the fault's range [%]")
     drawing.update_layout(**LAYOUT)
     return drawing
 
@@ -78,10 +82,18 @@ def confusion_figure(found: Sequence[Found]) -> go.Figure:
         go.Heatmap(x=said, y=there, z=shades, text=numbers, texttemplate="%{text}", colorscale="Blues", zmin=0.0, zmax=1.0,
                    showscale=False, hovertemplate="%{y} told as %{x}: %{text}<extra></extra>")
     )  # fmt: skip
-    drawing.update_xaxes(title="told")
+    drawing.update_xaxes(title="told [number of runs]")
     drawing.update_yaxes(title="there", autorange="reversed")
     drawing.update_layout(**LAYOUT)
     return drawing
+
+
+def figures(found: Sequence[Found]) -> dict[str, go.Figure]:
+    """The figures of the page by name: those for which there are cases."""
+    calibrated, exact = of_actuators(found, CALIBRATED, faulted=True), of_part(found, "exact")
+    own = {"coverage": coverage_figure(found)} if calibrated or exact else {}
+    own |= {"error against distance": distance_figure(found)} if calibrated else {}
+    return own | ({"alarms": confusion_figure(found)} if confusion(found) else {})
 
 
 def page(found: Sequence[Found], tables: Sequence[Table], record: Provenance, kept: Mapping[str, Any]) -> str:

@@ -11,19 +11,20 @@ from scipy.signal import welch
 from harness.calibration.result import Calibration, Curves, Nuisance
 from harness.logs.hints import percent
 from harness.provenance import Provenance
+from harness.replay.page import NOTE as REPLAYED
 from harness.replay.page import figure as replayed
 from harness.replay.replay import Replay
-from harness.show.curves import RESIDUAL, Line, curve, thinned
+from harness.show.curves import MEASURED, RESIDUAL, Line, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table
 
 Array = NDArray[np.float64]
 
-LINES = {"measured": Line("#888888", width=1.0, opacity=0.7), "fitted": Line("#1f6fd6"), "left": Line("#1f6fd6")}
 HEADS = ("Parameter", "Unit", "Start", "+-", "Value", "Sigma", "of before", "")
 NUISANCES = ("Run", "Channel", "Offset", "Gain [%]", "Shift [ms]", "Low-pass [ms]")
 RESTS = ("Run", "Channel", "Rms [% of range]", "unexplained", "Noise", "order")
 FIGURES = ("Run", "Channel", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Tracking error")
+NOTE = f"Wide and grey: measured; {RESIDUAL} measured, without rows that carry no weight."
 SEGMENT = 256
 """Rows of a segment of a spectrum (Welch 1967)."""
 
@@ -33,7 +34,7 @@ def page(found: Calibration, record: Provenance) -> str:
     names = ", ".join(item.run.name for item in found.curves)
     verdict = "not all is explained" if found.complaints else "every log is explained"
     lines = (*found.complaints, *found.remarks)
-    notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in lines)
+    notes = "".join(f'<p class="note">{sentence(line)}</p>' for line in lines)
     title = f"{found.actuator.name} calibrated"
     return document(
         f"EMA twins: {title}",
@@ -44,7 +45,7 @@ def page(found: Calibration, record: Provenance) -> str:
         f"{table('What the bench adds: value +- sigma', NUISANCES, nuisance_rows(found))}"
         f"{table('What is left, beside what the bench adds', RESTS, rest_rows(found))}"
         f"{table('The logs flown again with the calibrated values alone', FIGURES, figure_rows(found))}"
-        f"{''.join(map(_fitted, found.curves))}{''.join(map(_checked, found.checks))}",
+        f"{''.join(_fitted(curves, found.fidelity) for curves in found.curves)}{''.join(map(_checked, found.checks))}",
         record,
     )
 
@@ -126,53 +127,83 @@ def _correlation(found: Calibration) -> str:
     """A picture of the correlations; none of fewer than two parameters."""
     if len(found.linked) < 2:
         return ""
+    spoken = f"Correlations of {', '.join(found.linked)}."
+    return f"<section><h2>Correlations</h2>{drawn(correlation(found), spoken, 'low')}</section>"
+
+
+def correlation(found: Calibration) -> go.Figure:
+    """The correlations of the parameters that were fitted, -1 to 1."""
     names = list(found.linked)
     values = np.round(found.correlation, 2)
-    picture = go.Heatmap(x=names, y=names, z=values.tolist(), zmin=-1, zmax=1, colorscale="RdBu", texttemplate="%{z}")
+    picture = go.Heatmap(
+        x=names,
+        y=names,
+        z=values.tolist(),
+        zmin=-1,
+        zmax=1,
+        colorscale="RdBu",
+        texttemplate="%{z}",
+        colorbar={"title": "correlation [1]"},
+    )
     drawing = go.Figure(picture)
     drawing.update_yaxes(autorange="reversed")
     drawing.update_layout(**{**LAYOUT, "margin": {"l": 200, "r": 20, "t": 30, "b": 120}})
-    spoken = f"Correlations of {', '.join(names)}."
-    return f"<section><h2>Correlations</h2>{drawn(drawing, spoken, 'low')}</section>"
+    return drawing
 
 
-def _fitted(curves: Curves) -> str:
+def _fitted(curves: Curves, fidelity: str) -> str:
     names = ", ".join(item.name for item in curves.channels)
     title = html.escape(curves.run.name)
+    over_time = f"Measured and fitted {names} over time."
+    of_rest = f"Spectral densities of measured {names} and of what is left."
     return (
-        f"<section><h2>{title}, fitted</h2>{drawn(figure(curves), f'Measured and fitted {names} over time.')}"
+        f"<section><h2>{title}, fitted</h2>{drawn(figure(curves, fidelity), over_time, note=NOTE)}"
         f"<h2>{title}, spectra of the residuals</h2>"
-        f"{drawn(spectra(curves), f'Spectral densities of measured {names} and of what is left.', 'low')}</section>"
+        f"{drawn(spectra(curves, fidelity), of_rest, 'low')}</section>"
     )
 
 
-def figure(curves: Curves) -> go.Figure:
-    """Each channel measured and fitted, with the residual under it."""
-    run = curves.run
+def figures(found: Calibration) -> dict[str, go.Figure]:
+    """The figures of the page by name: correlations; curves and spectra of each run; each log that was predicted."""
+    own = {"correlations": correlation(found)} if len(found.linked) > 1 else {}
+    for curves in found.curves:
+        own[curves.run.name] = figure(curves, found.fidelity)
+        own[f"{curves.run.name} spectra"] = spectra(curves, found.fidelity)
+    return own | {f"{item.log.name} predicted": replayed(item) for item in found.checks}
+
+
+def figure(curves: Curves, fidelity: str) -> go.Figure:
+    """Each channel measured and fitted by a `fidelity`, with the residual under it."""
+    run, lines = curves.run, _lines(fidelity)
     drawing = rows_of([f"{item.name}<br>[{item.unit}]" for item in curves.channels], residuals=0.32, size=11)
     for place, shown in enumerate(curves.channels):
         data, fit = (shown.scale * each[:, place] for each in (run.values, curves.fitted))
         for label, values in {"measured": data, "fitted": fit}.items():
             drawing.add_trace(
-                curve(label, LINES[label], thinned(run.time, values), legend=place == 0), row=2 * place + 1, col=1
+                curve(label, lines[label], thinned(run.time, values), legend=place == 0), row=2 * place + 1, col=1
             )
         rest = np.where(curves.weight[:, place] > 0.0, fit - data, np.nan)
-        left = curve("fitted", LINES["fitted"], thinned(run.time, rest), legend=False)  # a gap where it is no number
+        left = curve("fitted", lines["fitted"], thinned(run.time, rest), legend=False)  # a gap where it is no number
         drawing.add_trace(left, row=2 * place + 2, col=1)
-    note = f"Time [s] ({RESIDUAL} measured, without rows that carry no weight)"
-    drawing.update_xaxes(title_text=note, row=2 * len(curves.channels), col=1)
+    drawing.update_xaxes(title_text="Time [s]", row=2 * len(curves.channels), col=1)
     drawing.update_layout(**LAYOUT, hovermode="x unified")
     return drawing
 
 
-def spectra(curves: Curves) -> go.Figure:
+def _lines(fidelity: str) -> dict[str, Line]:
+    """The lines of what was measured, of what the `fidelity` fits, and of what it leaves."""
+    own = lines_of([fidelity])[fidelity]
+    return {"measured": MEASURED, "fitted": own, "left": own}
+
+
+def spectra(curves: Curves, fidelity: str) -> go.Figure:
     """Of each channel the spectral densities of what was measured and of what is left, on logarithmic axes."""
     names = [f"{item.name} [({item.unit})<sup>2</sup>/Hz]" for item in curves.channels]
     drawing = make_subplots(rows=1, cols=len(names), subplot_titles=names)
     for place, shown in enumerate(curves.channels):
         for label, (rate, density) in _densities(curves, place, shown.scale).items():
             points = ([float(f"{x:.5g}") for x in rate], [float(f"{x:.4g}") for x in density])
-            drawing.add_trace(curve(label, LINES[label], points, legend=place == 0), row=1, col=place + 1)
+            drawing.add_trace(curve(label, _lines(fidelity)[label], points, legend=place == 0), row=1, col=place + 1)
     drawing.update_xaxes(type="log", title_text="Frequency [Hz]")
     drawing.update_yaxes(type="log")
     drawing.update_layout(**{**LAYOUT, "legend": {**LAYOUT["legend"], "y": 1.12}})  # above the titles
@@ -194,8 +225,8 @@ def _densities(curves: Curves, place: int, scale: float) -> dict[str, tuple[Arra
 
 def _checked(item: Replay) -> str:
     spoken = f"Measured and predicted {', '.join(channel.name for channel in item.channels)} over time."
-    notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in item.remarks)
+    notes = "".join(f'<p class="note">{sentence(line)}</p>' for line in item.remarks)
     return (
         f"<section><h2>{html.escape(item.log.name)}, predicted: nothing of it was fitted</h2>{notes}"
-        f"{drawn(replayed(item), spoken)}</section>"
+        f"{drawn(replayed(item), spoken, note=REPLAYED)}</section>"
     )

@@ -11,6 +11,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Monitor,
     chosen_actuator,
@@ -53,6 +54,7 @@ def calibrate(
         float, typer.Option(metavar="PART", help="Of a channel's range, that may be left unexplained.")
     ] = 0.01,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the result as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fit an actuator's parameters to runs that are known to be healthy; writes an actuator file, and a page beside it.
@@ -63,10 +65,12 @@ def calibrate(
     from harness.calibration.bench import Bench
     from harness.calibration.calibrate import calibrate as fit
     from harness.calibration.logs import flown_again, named, parse_own, runs_of
+    from harness.calibration.page import figures as figures_of
     from harness.calibration.page import page
     from harness.calibration.table import file_text, with_files
     from harness.fidelity import parse_fidelity
     from harness.files import results
+    from harness.show import figures as papers
 
     chosen, freed = _freed(chosen_actuator(actuator), free)
     fidelity = parse_fidelity(model, "--monitor")
@@ -86,6 +90,8 @@ def calibrate(
     target = out.with_suffix(".html")
     for path in (out, target, *([json_file] if json_file else [])):
         results.prepare_file(path)
+    if figures:
+        papers.prepare(figures)
     flown = [fidelity, *([REFERENCE] if fidelity is not REFERENCE else [])]
     folder = fmu_folder([FIDELITIES[each.name] for each in flown], fmus, chosen)
     record = provenance(chosen, fmus=folder, fidelities=flown)
@@ -107,6 +113,9 @@ def calibrate(
     results.write(out, content)
     _print(found)
     typer.echo(f"actuator: {out}   page: {target}")
+    if figures:
+        papers.save(figures, figures_of(found), target.stem)
+        typer.echo(f"figures: {figures}")
     if found.complaints:
         sys.exit(1)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import Columns, JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.options import Columns, Figures, JsonFile, Settings, TrialFile, chosen_trials
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 from harness.errors import HarnessError
@@ -25,28 +25,36 @@ def compare(
     settings: Settings = None,
     columns: Columns = None,
     tube: Annotated[float, typer.Option(help="Half width of the tolerance tube, fraction of the range.")] = 0.01,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: JsonFile = None,
+    figures: Figures = None,
 ) -> None:
-    """Compare any FMU that has the ports with a reference FMU, variable by variable.
+    """Compare any FMU that has the ports with a reference FMU, variable by variable: a table, a page.
 
     Each flies in a process of its own, so that one that ends its process is told apart from one that has been compared.
     """
     from harness.comparison import compare as compare_runs
-    from harness.comparison import percent, summary
+    from harness.comparison import summary
     from harness.files import results
     from harness.flight import fmufile
     from harness.flight.isolate import Isolated
     from harness.parameters import parse_settings
+    from harness.show import compared
+    from harness.show import figures as papers
+    from harness.show.page import write_page
 
     flown = chosen_trials(trial, trial_file, columns=columns)
     parameters = parse_settings(settings or [])
     if not 0.0 <= tube <= 1.0:
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
+    for path in (candidate, reference):
+        fmufile.require_ports(path, fmufile.describe(path))  # before anything is made
+    results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     record = provenance()
-    for path in (candidate, reference):
-        fmufile.require_ports(path, fmufile.describe(path))
     with Isolated(candidate, time_limit=LONGEST) as twin, Isolated(reference, time_limit=LONGEST) as other:
         pairs = [(twin.run(item, parameters), other.run(item, parameters)) for item in flown]
     names = (candidate.stem, reference.stem)
@@ -58,16 +66,10 @@ def compare(
             (dataset.attrs["trial"], name, dataset) for pair in pairs for name, dataset in zip(names, pair, strict=True)
         ]
         write_json(json_file, summary(entries, comparisons), record)
-    rows = [
-        (
-            item.trial,
-            item.variable,
-            percent(item),
-            f"{item.max_abs:.4g} {item.unit}",
-            f"{item.t_max_abs:.4f} s",
-            f"{100 * item.outside:.2f} %",
-        )
-        for item in comparisons
-    ]
-    heads = ("Trial", "Variable", "NRMSE", "Largest error", "at", f"Outside {100 * tube:g} %")
-    show(f"{names[0]} against {names[1]}", heads, rows, words=("Variable",))
+    page = compared.page(comparisons, pairs, names, tube, record)
+    target = write_page(out / f"{names[0]}_against_{names[1]}.html", page)
+    show(f"{names[0]} against {names[1]}", compared.heads(tube), compared.table_rows(comparisons), words=("Variable",))
+    typer.echo(f"page: {target}")
+    if figures:
+        papers.save(figures, compared.figures(comparisons, pairs, names), target.stem)
+        typer.echo(f"figures: {figures}")

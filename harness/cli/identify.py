@@ -10,6 +10,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Limits,
     Monitor,
@@ -44,6 +45,7 @@ def identify(
     ] = 0.003,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the diagnosis as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Identify the faults of a measured run: estimates with intervals, health, a verdict, a page.
@@ -55,8 +57,10 @@ def identify(
     from harness.files import results
     from harness.files.reader import stem
     from harness.identification import diagnosis
+    from harness.identification.page import figures as figures_of
     from harness.identification.page import page
     from harness.inference.measured import read_measured
+    from harness.show import figures as papers
     from harness.show.page import write_page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
@@ -72,6 +76,8 @@ def identify(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     models = diagnosis.models_for(fidelity)
     folder = fmu_folder(models, fmus, chosen)
     record = provenance(chosen, fmus=folder, fidelities=models)
@@ -87,11 +93,14 @@ def identify(
             tolerance=tolerance,
             on_step=on_step,
         )
-    target = write_page(out / f"{stem(measured)}_identified.html", page(found, record, chosen))
+    target = write_page(out / f"{stem(measured)}_identified.html", page(found, record, chosen, health_limits))
     if json_file:
         write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
     typer.echo(f"page: {target}   actuator: {chosen.name}")
+    if figures:
+        papers.save(figures, figures_of(found, health_limits), target.stem)
+        typer.echo(f"figures: {figures}")
     if found.complaints:
         sys.exit(1)
 

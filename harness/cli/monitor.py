@@ -10,6 +10,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Limits,
     Monitor,
@@ -40,6 +41,7 @@ def monitor(
     workers: Annotated[int, typer.Option(metavar="N", help="Processes; 0: one a core.")] = 0,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the outlook as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Follow faults over measured runs, one a flight: trends, and the remaining useful life until their limits.
@@ -49,10 +51,12 @@ def monitor(
     from harness.files import results
     from harness.identification.diagnosis import models_for
     from harness.prognosis.history import identify_all, read_flights
+    from harness.show import figures as papers
     from harness.show.page import write_page
 
     with required_extra("prognosis"):
         from harness.prognosis.outlook import outlook
+        from harness.prognosis.page import figures as figures_of
         from harness.prognosis.page import page
 
     estimated = {parameter.port for parameter in ESTIMATED.values()}
@@ -64,6 +68,8 @@ def monitor(
         results.prepare(out)
         if json_file:
             results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     folder = fmu_folder(models_for(fidelity), fmus, chosen)
     record = provenance(chosen, fmus=folder, fidelities=models_for(fidelity), also=[flight.path for flight in flights])
     with progress() as shown:
@@ -86,6 +92,9 @@ def monitor(
         write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
     typer.echo(f"page: {target}")
+    if figures:
+        papers.save(figures, figures_of(found), target.stem)
+        typer.echo(f"figures: {figures}")
     if found.problems:
         sys.exit(1)
 

@@ -31,6 +31,10 @@ ActuatorOption = Annotated[
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write runs and errors as JSON.")]
+Figures = Annotated[
+    Path | None,
+    typer.Option("--figures", metavar="DIR", help="Also write each figure of the page, for papers: SVG and PNG."),
+]
 FmuDir = Annotated[Path | None, typer.Option("--fmus", metavar="DIR", help="Folder of the FMUs.")]
 TrialFile = Annotated[
     Path | None,

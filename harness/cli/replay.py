@@ -9,6 +9,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     Settings,
     WithFiles,
@@ -33,6 +34,7 @@ def replay(
     settings: Settings = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the page.")] = Path("results"),
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")] = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fly a twin along the command of a log, and say how far it is from what was measured, channel by channel."""
@@ -42,8 +44,10 @@ def replay(
     from harness.flight.interrupt import deferred
     from harness.flight.twin import Twin
     from harness.logs.read import read_log
+    from harness.replay.page import figures as figures_of
     from harness.replay.page import page
     from harness.replay.replay import replay as fly
+    from harness.show import figures as papers
     from harness.show.page import write_page
 
     chosen = chosen_actuator(actuator)
@@ -55,6 +59,8 @@ def replay(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     folder = fmu_folder([flown], fmus, chosen)
     record = provenance(chosen, fmus=folder, fidelities=[flown])
     with deferred() as interrupted, Twin(folder / flown.fmu) as twin:
@@ -65,6 +71,9 @@ def replay(
     for item in found:
         _print(item)
     typer.echo(f"page: {target}   actuator: {chosen.name}")
+    if figures:
+        papers.save(figures, figures_of(found), target.stem)
+        typer.echo(f"figures: {figures}")
 
 
 def _as_dict(found: "list[Replay]", log: Path, actuator: dict[str, str]) -> dict[str, object]:

@@ -12,6 +12,7 @@ from harness.cli.build import fmu_folder
 from harness.cli.options import (
     ActuatorOption,
     Columns,
+    Figures,
     FmuDir,
     JsonFile,
     Settings,
@@ -57,6 +58,7 @@ def run(
     form: Annotated[str, typer.Option("--format", metavar="|".join(FORMATS), help="Of the trajectories.")] = "csv",
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for trajectories and page.")] = Path("results"),
     json_file: JsonFile = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Fly trials with all fidelities, compare them, write trajectories and a page (HTML).
@@ -68,6 +70,8 @@ def run(
     from harness.files import results
     from harness.files.writers import check_format
     from harness.flight.switch import parse_schedule
+    from harness.show import figures as papers
+    from harness.show import report
     from harness.show.outside import experiment_of
 
     suffix = check_format(form)
@@ -82,6 +86,8 @@ def run(
     results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    if figures:
+        papers.prepare(figures)
     names = {compared_with.name, *(each.name for each in wanted), *(each.name for each in schedules)}
     for path in _trajectories(flown, names, out, suffix):
         results.prepare_file(path)
@@ -101,6 +107,9 @@ def run(
         write_json(json_file, {"actuator": chosen.identity, **summary(entries, experiment.comparisons)}, record)
     _print(experiment)
     typer.echo(f"page: {target}   trajectories: {out / f'TRIAL_FIDELITY.{suffix}'}")
+    if figures:
+        papers.save(figures, report.figures(experiment), target.stem)
+        typer.echo(f"figures: {figures}")
     if experiment.failures:
         sys.exit(1)
 

@@ -29,7 +29,12 @@ Array = NDArray[np.float64]
 
 
 def read_trial(
-    path: Path, output: Output | None = None, columns: Mapping[str, str] | None = None, log: Mapping[str, str] | None = None
+    path: Path,
+    output: Output | None = None,
+    columns: Mapping[str, str] | None = None,
+    log: Mapping[str, str] | None = None,
+    *,
+    longest: float = STEP * MOST_POINTS,
 ) -> Trial:
     """A trial from a file: time [s], command [rad], optionally load_torque [N.m], supply_voltage [V]; any format and unit.
 
@@ -37,7 +42,7 @@ def read_trial(
     at the user's side. `log`: an actuator's `[log]`; it holds for a file whose columns do not bear the names time and
     command, and `columns` win over it. Between the rows inputs are interpolated linearly onto the communication grid, or
     held if their words say so; two rows of the same time are a jump, to the second's values from that time on. Columns that
-    are a run's outputs are left out; others are refused, unless `columns` are stated.
+    are a run's outputs are left out; others are refused, unless `columns` are stated. `longest`: what it may last [s].
     HarnessError, with line and column, for anything that is not a row of finite numbers, or for times that fall or are there
     three times.
     """
@@ -69,7 +74,7 @@ def read_trial(
         if len(axis.time) != len(values):
             raise HarnessError(f"{found[name].where}: has {len(values)} rows, its times {axis.found.where} {len(axis.time)}")
         _check_times(path, axis)
-        points = _points(path, axis.time) if name == "command" else points
+        points = _points(path, axis.time, longest) if name == "command" else points
         inputs[name] = _between(points, axis.time, values, held=found[name].spec.between is Between.HELD)
     return Trial(stem(path), float(points[0]), STEP, inputs, str(path.name))
 
@@ -95,9 +100,9 @@ def _between(points: Array, times: Array, values: Array, *, held: bool) -> Array
     return np.interp(np.where(jumped, np.maximum(points, times[rows]), points), times, values)
 
 
-def _points(path: Path, times: Array) -> Array:
+def _points(path: Path, times: Array, longest: float) -> Array:
     """Communication points from the first to the last time."""
     lasts = float(times[-1] - times[0])
-    if not STEP * (1.0 - 1e-6) <= lasts <= STEP * MOST_POINTS:
-        raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {STEP * MOST_POINTS:g} s can be flown")
+    if not STEP * (1.0 - 1e-6) <= lasts <= longest * (1.0 + 1e-9):
+        raise HarnessError(f"{path}: lasts {lasts:g} s; {STEP:g} s to {longest:g} s can be flown")
     return grid(float(times[0]), int(lasts / STEP + 1e-6) + 1, STEP)

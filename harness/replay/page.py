@@ -9,11 +9,10 @@ from harness.actuators.actuator import DEFAULT, Actuator
 from harness.logs.hints import percent
 from harness.provenance import Provenance
 from harness.replay.replay import Replay
-from harness.show.curves import COMMAND, RESIDUAL, Line, curve, lines_of, thinned
+from harness.show.curves import COMMAND, MEASURED, RESIDUAL, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
-from harness.show.page import LAYOUT, document, drawn, flown_actuator, table
+from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table
 
-MEASURED = Line("#888888", width=1.4)
 HEADS = ("Channel", "Unit", "Rms", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Lag")
 EXPLAINED = (
     ("rms, NRMSE", "of twin minus measured, at the shift that fits best; NRMSE over the measured range"),
@@ -29,6 +28,9 @@ EXPLAINED = (
 )
 """What the heads mean."""
 TRACKING = ("Tracking error", "Unit", "measured", "twin", "difference", "ratio", "unshifted")
+
+
+NOTE = f"Wide and grey: measured; {RESIDUAL} measured."
 
 
 def page(replays: Sequence[Replay], record: Provenance, actuator: Actuator = DEFAULT) -> str:
@@ -72,15 +74,20 @@ def tracking_rows(replay: Replay) -> list[tuple[str, ...]]:
     return [("rms", item.unit, *numbers, percent(item.ratio), percent(item.ratio_unshifted))]
 
 
+def figures(replays: Sequence[Replay]) -> dict[str, go.Figure]:
+    """The figures of the page by name: one for each run."""
+    return {item.log.name: figure(item) for item in replays}
+
+
 def _section(replay: Replay) -> str:
     log = replay.log
-    notes = "".join(f'<p class="note">{html.escape(line)}.</p>' for line in replay.remarks)
+    notes = "".join(f'<p class="note">{sentence(line)}</p>' for line in replay.remarks)
     caption = f"{len(log.time)} rows, {log.rate:.4g} a second; command {replay.between.value} between rows"
     tracking = table("Position minus command", TRACKING, tracking_rows(replay)) if replay.tracking_error else ""
     names = ", ".join(channel.name for channel in replay.channels)
     return (
         f"<section><h2>{html.escape(log.name)}</h2>{table(caption, HEADS, rows(replay))}{tracking}{notes}"
-        f"{drawn(figure(replay), f'Measured and twin: {names} over time, with residuals.')}</section>"
+        f"{drawn(figure(replay), f'Measured and twin: {names} over time, with residuals.', note=NOTE)}</section>"
     )
 
 
@@ -91,12 +98,12 @@ def figure(replay: Replay) -> go.Figure:
     for place, item in enumerate(replay.channels):
         curves = {"measured": (MEASURED, item.measured), replay.fidelity: (own, item.twin)}
         if item.name == "position":
-            curves = {"command": (COMMAND, replay.command), **curves}
+            curves["command"] = (COMMAND, replay.command)
         for label, (line, values) in curves.items():
             shown = curve(label, line, thinned(time, values), legend=place == 0 or label == "command")
             drawing.add_trace(shown, row=2 * place + 1, col=1)
         left = curve(replay.fidelity, own, thinned(time, item.twin - item.measured), legend=False)
         drawing.add_trace(left, row=2 * place + 2, col=1)
-    drawing.update_xaxes(title_text=f"Time [s] ({RESIDUAL} measured)", row=2 * len(replay.channels), col=1)
+    drawing.update_xaxes(title_text="Time [s]", row=2 * len(replay.channels), col=1)
     drawing.update_layout(**LAYOUT, hovermode="x unified")
     return drawing

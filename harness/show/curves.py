@@ -15,6 +15,7 @@ from plotly.subplots import make_subplots
 
 from ema_fmu_src.fidelities import FIDELITIES
 
+USUAL_ROWS = 6
 MOST_POINTS = 2501
 """Points drawn of each curve; more cannot be told apart and make the page heavy."""
 SPARE = ("#b8860b", "#0e8f9c", "#c2417c", "#66752a", "#8a5a44", "#4b5fa8")
@@ -34,6 +35,10 @@ class Line:
 RESIDUAL = "residual: model minus"
 """What residuals are on every page, up to what they are compared with."""
 COMMAND = Line("#888888", "dot")
+MEASURED = Line("#888888", width=5.0, opacity=0.45)
+"""Wide and pale: drawn first, it stays in sight under whatever lies on it."""
+HEALTHY = Line("#b8860b", "dot")
+"""A model without faults, beside the same one with them, which has its fidelity's own line."""
 
 
 def lines_of(names: Iterable[str]) -> dict[str, Line]:
@@ -73,18 +78,21 @@ def rows(titles: Sequence[str], *, residuals: float = 0.0, spacing: float = 0.02
     """An empty figure: a row for each of `titles` over one axis of time; its row is 1 + its place.
 
     With `residuals`, a share of a row's height, another row for residuals is under each: then a title's row is
-    1 + 2*place, and that of its residuals the next. `spacing` is a share of the figure, `size` that of the titles' letters
-    [pixel].
+    1 + 2*place, and that of its residuals the next.
+    `spacing` is a share of the figure, less where rows are many; `size` that of the titles' letters [pixel].
     """
     shares = [1.0 - residuals, residuals] if residuals else [1.0]
+    n_rows = len(shares) * len(titles)
     figure = make_subplots(
-        rows=len(shares) * len(titles),
+        rows=n_rows,
         cols=1,
         shared_xaxes=True,
-        vertical_spacing=spacing,
+        vertical_spacing=spacing * min(1.0, USUAL_ROWS / n_rows),
         row_heights=[share / len(titles) for share in shares * len(titles)],
     )
-    shown = [text for title in titles for text in ((title, "residual") if residuals else (title,))]
+    units = [title[title.rfind("[") :] if "[" in title else "" for title in titles]
+    pairs = [(title, f"residual<br>{unit}") if residuals else (title,) for title, unit in zip(titles, units, strict=True)]
+    shown = [text for pair in pairs for text in pair]
     for row, text in enumerate(shown, start=1):
         figure.update_yaxes(title={"text": text, "font": {"size": size}}, row=row, col=1)
     return figure

@@ -12,6 +12,7 @@ from plotly.offline import get_plotlyjs
 from harness.actuators.actuator import Actuator
 from harness.files import results
 from harness.provenance import Provenance
+from harness.show.symbols import legend, meaning
 
 STYLE = """
 :root{--text:#1b1f24;--soft:#5b6570;--line:#d9dee4;--back:#ffffff;--panel:#f6f8fa}
@@ -24,20 +25,32 @@ th,td{padding:.3rem .7rem;border-bottom:1px solid var(--line);text-align:right;w
 th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}thead th{color:var(--soft);font-weight:600}
 caption{text-align:left;color:var(--soft);padding-bottom:.4rem}
 code,pre{background:var(--panel);border-radius:4px;padding:.1rem .3rem;overflow-x:auto}pre{padding:.7rem}
-.figure{height:62rem}.figure.low{height:26rem}.figure>div{height:100%}.note{color:var(--soft)}
+.figure{height:calc(var(--rows)*10.3rem)}.figure.low{height:26rem}.figure.middle{height:40rem}.figure>div{height:100%}.note{color:var(--soft)}
 .verdict{padding:.6rem .9rem;border-radius:6px;font-weight:600}
 .ok{background:rgba(22,147,91,.18)}.near{background:rgba(214,150,31,.25)}.over{background:rgba(214,50,31,.25)}
-td small{color:var(--soft)}.origin{color:var(--soft);font-size:.9rem}
-.origin th,.origin td{text-align:left;vertical-align:top;white-space:normal;overflow-wrap:anywhere}
+td small{color:var(--soft)}[title]{text-decoration:underline dotted var(--soft);text-underline-offset:.2em}
+details{margin:-1rem 0 1.6rem;color:var(--soft)}summary{cursor:pointer}dt{font-weight:600}dd{margin:0 0 .3rem 1.2rem}
+figcaption{color:var(--soft);margin:.2rem 0 1rem}figure{margin:0}td .mark{padding:.05rem .4rem;border-radius:4px}
+@media (max-width:40rem){.figure{height:calc(var(--rows)*11.5rem)}
+th,td{padding:.3rem .45rem}}
+.words{white-space:normal;min-width:9rem}
+.origin{color:var(--soft);font-size:.9rem}
+.origin th,.origin td{text-align:left;vertical-align:top}.origin td{white-space:normal;overflow-wrap:anywhere}
 """
 
 LAYOUT: dict[str, Any] = {
     "paper_bgcolor": "rgba(0,0,0,0)",
     "plot_bgcolor": "rgba(0,0,0,0)",
-    "margin": {"l": 70, "r": 20, "t": 90, "b": 50},
+    "margin": {"l": 70, "r": 20, "t": 60, "b": 50},
     "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
     "modebar": {"bgcolor": "rgba(0,0,0,0)"},
 }
+NAMES = 2
+"""Columns of a table, from the left, that hold names."""
+LEAST_ROWS = 4
+"""Rows for which a figure has room, though it has fewer."""
+WORDY = 28
+"""Characters from which a cell may be folded."""
 DIGEST, HEAD = "ema-provenance", 512
 """Name of the element that tells pages apart, and the first characters of a page, among which it is."""
 CONFIG = {"responsive": True, "displaylogo": False}
@@ -46,9 +59,9 @@ THEME = """
 const dark=window.matchMedia('(prefers-color-scheme: dark)');
 function paint(){const ink=dark.matches?'#e6e9ec':'#1b1f24',line=dark.matches?'#39424c':'#d9dee4',
 panel=dark.matches?'#1d2329':'#f6f8fa',change={'font.color':ink,'hoverlabel.bgcolor':panel};
-for(const axis of ['x','y'].flatMap(a=>['',2,3,4,5,6].map(n=>a+'axis'+n)))
-{change[axis+'.gridcolor']=line;change[axis+'.zerolinecolor']=line;}
-document.querySelectorAll('.figure .plotly-graph-div').forEach(graph=>Plotly.relayout(graph,change));}
+document.querySelectorAll('.figure .plotly-graph-div').forEach(graph=>{const own={...change};
+for(const axis of Object.keys(graph._fullLayout).filter(name=>/^[xy]axis[0-9]*$/.test(name)))
+{own[axis+'.gridcolor']=line;own[axis+'.zerolinecolor']=line;}Plotly.relayout(graph,own);});}
 dark.addEventListener('change',paint);paint();
 """
 
@@ -91,19 +104,58 @@ def _digest(head: str) -> str:
     return found.group(1) if found else ""
 
 
-def drawn(figure: go.Figure, spoken: str, kind: str = "") -> str:
-    """A figure as HTML; `spoken` says in words what it shows, `kind` is "low" for one of a single row."""
+def sentence(text: str) -> str:
+    """A line of text as HTML, with a full stop if it has no end."""
+    return html.escape(text if text.endswith((".", "?", "!")) else f"{text}.")
+
+
+def drawn(figure: go.Figure, spoken: str, kind: str = "", note: str = "") -> str:
+    """A figure as HTML; `spoken` says in words what it shows, `kind` is "low" for one of a single row.
+
+    `note` stands under it, where a narrow screen folds it.
+    """
     graph = figure.to_html(full_html=False, include_plotlyjs=False, config=CONFIG)
     classes = " ".join(["figure", *([kind] if kind else [])])
-    return f'<div class="{classes}" role="img" aria-label="{html.escape(spoken)}">{graph}</div>'
+    n_rows = max(LEAST_ROWS, sum(1 for _ in figure.select_yaxes()))
+    caption = f"<figcaption>{html.escape(note)}</figcaption>" if note else ""
+    spoken_as = f'role="img" aria-label="{html.escape(spoken)}"'
+    return f'<figure><div class="{classes}" style="--rows:{n_rows}" {spoken_as}>{graph}</div>{caption}</figure>'
 
 
 def table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table as HTML that scrolls where the screen is narrow; cells are plain text."""
-    head = "".join(f'<th scope="col">{html.escape(text)}</th>' for text in heads)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    """A table as HTML that scrolls where the screen is narrow; cells are plain text.
+
+    What a heading or a name in the first two columns means is told under the pointer and in a legend below; outcomes have
+    their colours.
+    """
+    listed = [tuple(row) for row in rows]
+    head = "".join(f'<th scope="col"{_title(text)}>{html.escape(text)}</th>' for text in heads)
+    body = "".join("<tr>" + "".join(_cell(place, cell) for place, cell in enumerate(row)) + "</tr>" for row in listed)
     shown = f"<table><caption>{html.escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    return f'<div class="scroll" tabindex="0">{shown}</div>'
+    names = [*heads, *(cell for row in listed for cell in row[:NAMES])]
+    return f'<div class="scroll" tabindex="0">{shown}</div>{legend(names)}'
+
+
+def _cell(place: int, text: str) -> str:
+    kind = outcome(text)
+    shown = html.escape(text)
+    if kind:
+        shown = f'<span class="mark {kind}">{shown}</span>'
+    wordy = ' class="words"' if len(text) > WORDY else ""
+    return f"<td{_title(text) if place < NAMES else ''}{wordy}>{shown}</td>"
+
+
+def outcome(text: str) -> str:
+    """The class of a cell that is an outcome: "over" for what is not well, "ok" for what is; empty for any other."""
+    if text == "NO" or text.startswith(("NOT ", "ALARM", "outside")):
+        return "over"
+    return "ok" if text in ("met", "within") else ""
+
+
+def _title(text: str) -> str:
+    """The attribute that tells what `text` means; empty if that is known of no such name."""
+    told = meaning(text)
+    return f' title="{html.escape(told)}"' if told else ""
 
 
 def flown_actuator(actuator: Actuator) -> str:

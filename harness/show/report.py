@@ -2,7 +2,8 @@
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import plotly.graph_objects as go
 
@@ -12,9 +13,12 @@ from harness.budgets import Budgets
 from harness.comparison import FIGURES, Comparison, percent, titles
 from harness.flight.experiment import Experiment
 from harness.provenance import Provenance
+from harness.show import cost
 from harness.show.curves import COMMAND, RESIDUAL, Line, curve, intervals, lines_of, rows, shade, thinned
 from harness.show.page import LAYOUT, document, drawn, flown_actuator
 
+Points = Callable[[Any, Any], tuple[Any, Any]]
+COST = "error against cost"
 INSTANTANEOUS = "equivalent_current"
 """Drawn in the row of the filtered current, hidden until its name in the legend is pressed."""
 
@@ -33,25 +37,38 @@ def page(
     was flown, in whose units outside `experiment` is.
     """
     trials = list(dict.fromkeys(trial for trial, _ in experiment.runs))
-    lines = lines_of(fidelity for _, fidelity in experiment.runs)
+    pictures = figures(experiment)
+    below_curves = f"Shaded: {experiment.reference} is limited by its voltage; {RESIDUAL} {experiment.reference}."
     sections = "".join(
-        f"<section><h2>{html.escape(trial)}</h2>{drawn(_figure(trial, experiment, lines), _spoken(trial, experiment))}"
-        "</section>"
+        f"<section><h2>{html.escape(trial)}</h2>"
+        f"{drawn(pictures[trial], spoken(trial, experiment), note=below_curves)}</section>"
         for trial in trials
     )
     settings = ", ".join(f"{name} = {value:g}" for name, value in parameters.items()) or "all at their defaults"
-    cost = "Error of position against wall time per simulated second, by fidelity; the table has the figures."
+    told = "Error of position against wall time per simulated second, by fidelity; the table has the figures."
+    below = cost.note(_points(experiment), experiment.reference)
     return document(
         f"EMA twins: {', '.join(trials)}",
-        f"<h1>EMA twins side by side</h1>{_verdict(experiment, budgets or {})}{flown_actuator(actuator)}"
+        f"<h1>EMA twins side by side</h1>{verdict(experiment, budgets or {})}{flown_actuator(actuator)}"
         f"<p>Every fidelity flown as an FMU and compared with {experiment.reference}. "
         "NRMSE is the rms difference over the range of the reference.</p>"
-        f'<div class="scroll" tabindex="0">{_table(experiment, trials, budgets or {})}</div>'
-        f"<section><h2>Error against cost</h2>{drawn(_cost(experiment, lines), cost, 'low')}</section>"
+        f'<div class="scroll" tabindex="0">{table(experiment, trials, budgets or {})}</div>'
+        f"<section><h2>Error against cost</h2>{drawn(pictures[COST], told, 'low', below)}"
+        "</section>"
         f"{sections}",
         record,
         f"Parameters: {html.escape(settings)}",
     )
+
+
+def figures(experiment: Experiment) -> dict[str, go.Figure]:
+    """The figures of the page by name: error against cost, and each trial."""
+    lines = lines_of(fidelity for _, fidelity in experiment.runs)
+    trials = dict.fromkeys(trial for trial, _ in experiment.runs)
+    return {
+        COST: cost.figure(_points(experiment), experiment.reference),
+        **{trial: figure_of(trial, experiment, lines) for trial in trials},
+    }
 
 
 def _budget(budgets: Budgets, item: Comparison) -> float | None:
@@ -59,7 +76,7 @@ def _budget(budgets: Budgets, item: Comparison) -> float | None:
     return None if budget is None or math.isinf(budget) else budget
 
 
-def _verdict(experiment: Experiment, budgets: Budgets) -> str:
+def verdict(experiment: Experiment, budgets: Budgets) -> str:
     """One sentence on how the errors stand against their budgets."""
     known = [(item, _budget(budgets, item)) for item in experiment.comparisons]
     judged = [(item, budget) for item, budget in known if budget is not None]
@@ -84,7 +101,8 @@ def _cell(item: Comparison | None, budgets: Budgets) -> str:
     return f'<td class="{kind}" title="{title}">{mark} {percent(item)} <small>of {100.0 * budget:.3g} %</small></td>'
 
 
-def _table(experiment: Experiment, trials: list[str], budgets: Budgets) -> str:
+def table(experiment: Experiment, trials: list[str], budgets: Budgets) -> str:
+    """Errors and wall times of `trials`, a row for each run, as HTML."""
     body = []
     for (trial, fidelity), run in sorted(experiment.runs.items(), key=lambda entry: trials.index(entry[0][0])):
         errors = experiment.errors_of(trial, fidelity)
@@ -101,29 +119,17 @@ def _table(experiment: Experiment, trials: list[str], budgets: Budgets) -> str:
     )
 
 
-def _cost(experiment: Experiment, lines: Mapping[str, Line]) -> go.Figure:
-    """Error of position against wall time, a mark for each run."""
-    figure = go.Figure()
-    names = dict.fromkeys(fidelity for _, fidelity in experiment.runs if fidelity != experiment.reference)
-    for name in names:
-        runs = [(trial, run) for (trial, fidelity), run in experiment.runs.items() if fidelity == name]
-        items = [experiment.errors_of(trial, name).get("position") for trial, _ in runs]
-        figure.add_scatter(
-            x=[run.attrs["wall_s"] / run.attrs["simulated_s"] for _, run in runs],
-            y=[100.0 * item.nrmse if item and item.nrmse else None for item in items],
-            text=[trial for trial, _ in runs],
-            mode="markers+text",
-            textposition=["top right", "middle right", "bottom right"][len(figure.data) % 3],
-            name=name,
-            marker={"size": 11, "color": lines[name].colour},
-        )
-    figure.update_xaxes(type="log", title="wall s / simulated s")
-    figure.update_yaxes(type="log", title="error of position [%]")
-    figure.update_layout(**LAYOUT)
-    return figure
+def _points(experiment: Experiment) -> list[cost.Point]:
+    points = []
+    for (trial, fidelity), run in experiment.runs.items():
+        found = experiment.errors_of(trial, fidelity).get("position")
+        wall = run.attrs["wall_s"] / run.attrs["simulated_s"]
+        points.append(cost.Point(fidelity, trial, wall, found.nrmse if found else None))
+    return points
 
 
-def _spoken(trial: str, experiment: Experiment) -> str:
+def spoken(trial: str, experiment: Experiment) -> str:
+    """What the figure of a trial shows, in words."""
     errors = [
         f"{item.candidate} {percent(item)}"
         for item in experiment.comparisons
@@ -132,33 +138,38 @@ def _spoken(trial: str, experiment: Experiment) -> str:
     return f"{trial}: position, motor speed and current over time. Position error: {', '.join(errors) or 'none'}."
 
 
-def _figure(trial: str, experiment: Experiment, lines: Mapping[str, Line]) -> go.Figure:
-    """Each quantity, with the residuals against the reference under it; the reference's saturated intervals shaded."""
+def figure_of(
+    trial: str, experiment: Experiment, lines: Mapping[str, Line], *, residuals: bool = True, points: Points = thinned
+) -> go.Figure:
+    """Each quantity, with the residuals against the reference under it; the reference's saturated intervals shaded.
+
+    `points` chooses what is drawn of times [s] and values.
+    """
     flown = [(fidelity, run) for (name, fidelity), run in experiment.runs.items() if name == trial]
     reference = experiment.runs[trial, experiment.reference]
+    each = 2 if residuals else 1
     figure = rows(
-        [title.replace(", ", ",<br>").replace(" [", "<br>[") for title in titles(reference)], residuals=0.28, size=11
+        [title.replace(", ", ",<br>").replace(" [", "<br>[") for title in titles(reference)],
+        residuals=0.28 if residuals else 0.0,
+        size=11,
     )
     time = reference.time.values
-    command = curve("command", COMMAND, thinned(time, reference["command"].values))
+    command = curve("command", COMMAND, points(time, reference["command"].values))
     figure.add_trace(command, row=1, col=1)
     for place, (variable, _) in enumerate(FIGURES):
         for fidelity, run in flown:
-            points = thinned(run.time.values, run[variable].values)
-            drawing = curve(fidelity, lines[fidelity], points, legend=place == 0)
-            figure.add_trace(drawing, row=2 * place + 1, col=1)
-        for fidelity, run in flown:
+            drawing = curve(fidelity, lines[fidelity], points(run.time.values, run[variable].values), legend=place == 0)
+            figure.add_trace(drawing, row=each * place + 1, col=1)
+        for fidelity, run in flown if residuals else ():
             if fidelity != experiment.reference:
                 residual = run[variable] - reference[variable]
-                points = thinned(residual.time.values, residual.values)
-                figure.add_trace(curve(fidelity, lines[fidelity], points, legend=False), row=2 * place + 2, col=1)
+                drawing = curve(fidelity, lines[fidelity], points(residual.time.values, residual.values), legend=False)
+                figure.add_trace(drawing, row=each * place + 2, col=1)
     for fidelity, run in flown:
-        instantaneous = curve(fidelity, lines[fidelity], thinned(run.time.values, run[INSTANTANEOUS].values))
+        instantaneous = curve(fidelity, lines[fidelity], points(run.time.values, run[INSTANTANEOUS].values))
         instantaneous.update(name=f"{fidelity} instantaneous", legendgroup=None, visible="legendonly", opacity=0.5)
-        figure.add_trace(instantaneous, row=2 * len(FIGURES) - 1, col=1)
+        figure.add_trace(instantaneous, row=each * (len(FIGURES) - 1) + 1, col=1)
     shade(figure, intervals(time, reference["voltage_saturated"].values), "rgba(214,150,31,.16)")
-    figure.update_xaxes(
-        title_text=f"Time [s] (shaded: voltage-limited; {RESIDUAL} {experiment.reference})", row=2 * len(FIGURES), col=1
-    )
+    figure.update_xaxes(title_text="Time [s]", row=each * len(FIGURES), col=1)
     figure.update_layout(**LAYOUT, hovermode="x unified")
     return figure

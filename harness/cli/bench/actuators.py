@@ -45,19 +45,25 @@ class Wanted:
             raise HarnessError("--actuators, --exact and --seed of 0 or more are needed")
 
 
-def actuators(wanted: Wanted, json_file: Path | None, out: Path | None, fmus: Path | None) -> None:
+def actuators(
+    wanted: Wanted, json_file: Path | None, out: Path | None, fmus: Path | None, figures: Path | None = None
+) -> None:
     """Do what is not yet done, and print, write and draw what there is."""
     from harness.bench import jobs, table
     from harness.bench.kept import Kept
+    from harness.bench.pictures import figures as figures_of
     from harness.bench.pictures import page
     from harness.fidelity import FIDELITIES
     from harness.files import results
+    from harness.show import figures as papers
     from harness.show.page import write_page
 
     wanted.check()
     for path in (out / PAGE if out else None, json_file):
         if path:
             results.prepare_file(path)
+    if figures:
+        papers.prepare(figures)
     models = [FIDELITIES[name] for name in ("HF", "ELF+")]
     folder = fmu_folder(models, fmus)
     record = provenance(fmus=folder, fidelities=models)
@@ -77,6 +83,9 @@ def actuators(wanted: Wanted, json_file: Path | None, out: Path | None, fmus: Pa
         write_json(json_file, {**kept.as_dict(), **content, "checks": [check.as_dict() for check in listed]}, record)
     if out:
         typer.echo(f"page: {write_page(out / PAGE, page(found, tables, record, kept.as_dict()))}")
+    if figures:
+        papers.save(figures, figures_of(found), Path(PAGE).stem)
+        typer.echo(f"figures: {figures}")
 
 
 def _do(wanted: Wanted, kept: "Kept", fmus: Path) -> None:

@@ -7,7 +7,7 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, FmuDir, chosen_actuator
+from harness.cli.options import ActuatorOption, Figures, FmuDir, chosen_actuator
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
@@ -29,6 +29,7 @@ def identify(
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write every case as JSON.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench_identify.html.")] = None,
     actuator: ActuatorOption = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
     actuators: Annotated[
         int | None,
@@ -71,10 +72,10 @@ def identify(
 
         if actuator is not None:
             raise HarnessError("--actuators draws from the default actuator; --actuator cannot be given too")
-        on_actuators(Wanted(actuators, exact, parts or (), keep, seed, rate, workers), json_file, out, fmus)
+        on_actuators(Wanted(actuators, exact, parts or (), keep, seed, rate, workers), json_file, out, fmus, figures)
         return
-    if keep is not None or parts:
-        raise HarnessError("--keep and --part need --actuators")
+    if keep is not None or parts or figures is not None:
+        raise HarnessError("--keep, --part and --figures need --actuators")
     if cases < 1 or healthy < 0 or not 0 <= evolution <= cases:
         raise HarnessError(
             "--cases of 1 or more, --healthy of 0 or more, --evolution of 0 to the number of cases are needed"

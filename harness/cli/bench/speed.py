@@ -7,7 +7,7 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, FmuDir, JsonFile, chosen_actuator, small
+from harness.cli.options import ActuatorOption, Figures, FmuDir, JsonFile, chosen_actuator, small
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
@@ -33,6 +33,7 @@ def speed(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the page, bench.html.")] = None,
     json_file: JsonFile = None,
     actuator: ActuatorOption = None,
+    figures: Figures = None,
     fmus: FmuDir = None,
 ) -> None:
     """Measure speed and accuracy of every fidelity, the master's overhead, and peers, in one run.
@@ -42,10 +43,12 @@ def speed(
     """
     from harness.bench import drive, overhead
     from harness.bench import speed as timing
+    from harness.bench.page import figures as figures_of
     from harness.bench.page import page
     from harness.bench.peers import measure as measure_peers
     from harness.fidelity import FIDELITIES
     from harness.files import results
+    from harness.show import figures as papers
     from harness.show.page import write_page
     from harness.trials import BUILT_IN, trial
 
@@ -55,6 +58,8 @@ def speed(
     for path in (out / "bench.html" if out else None, json_file):
         if path:
             results.prepare_file(path)
+    if figures:
+        papers.prepare(figures)
     chosen = chosen_actuator(actuator)
     for line in small([trial(name) for name in names], chosen):
         typer.echo(line, err=True)
@@ -100,6 +105,9 @@ def speed(
             "checks": [check.as_dict() for check in found],
         }
         write_json(json_file, content, record)
+    if figures:
+        papers.save(figures, figures_of(measured), "bench")
+        typer.echo(f"figures: {figures}")
 
 
 def _with_progress(run: "Callable[[Callable[[str], None]], T]", total: int) -> "T":

@@ -1,0 +1,1 @@
+"""The live page: README.md here."""
