@@ -42,6 +42,7 @@ def browser() -> Iterator[Any]:
 def visit(browser: Any, file: Path, **options: Any) -> tuple[Any, list[str]]:
     """The page, drawn, and what the console complained of; a request to the network is a complaint."""
     page = browser.new_page(**options)
+    page.set_default_timeout(120_000)  # ms: a busy machine draws slowly, and nothing here is about speed
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text) if message.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))

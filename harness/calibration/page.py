@@ -5,7 +5,6 @@ import html
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 from scipy.signal import welch
 
 from harness.calibration.result import Calibration, Curves, Nuisance
@@ -159,7 +158,7 @@ def _fitted(curves: Curves, fidelity: str) -> str:
     return (
         f"<section><h2>{title}, fitted</h2>{drawn(figure(curves, fidelity), over_time, note=NOTE)}"
         f"<h2>{title}, spectra of the residuals</h2>"
-        f"{drawn(spectra(curves, fidelity), of_rest, 'low')}</section>"
+        f"{drawn(spectra(curves, fidelity), of_rest)}</section>"
     )
 
 
@@ -198,15 +197,15 @@ def _lines(fidelity: str) -> dict[str, Line]:
 
 def spectra(curves: Curves, fidelity: str) -> go.Figure:
     """Of each channel the spectral densities of what was measured and of what is left, on logarithmic axes."""
-    names = [f"{item.name} [({item.unit})<sup>2</sup>/Hz]" for item in curves.channels]
-    drawing = make_subplots(rows=1, cols=len(names), subplot_titles=names)
+    drawing = rows_of([f"{item.name}<br>[({item.unit})<sup>2</sup>/Hz]" for item in curves.channels], spacing=0.05, size=11)
     for place, shown in enumerate(curves.channels):
         for label, (rate, density) in _densities(curves, place, shown.scale).items():
             points = ([float(f"{x:.5g}") for x in rate], [float(f"{x:.4g}") for x in density])
-            drawing.add_trace(curve(label, _lines(fidelity)[label], points, legend=place == 0), row=1, col=place + 1)
-    drawing.update_xaxes(type="log", title_text="Frequency [Hz]")
-    drawing.update_yaxes(type="log")
-    drawing.update_layout(**{**LAYOUT, "legend": {**LAYOUT["legend"], "y": 1.12}})  # above the titles
+            drawing.add_trace(curve(label, _lines(fidelity)[label], points, legend=place == 0), row=place + 1, col=1)
+    drawing.update_xaxes(type="log")
+    drawing.update_xaxes(title_text="Frequency [Hz]", row=len(curves.channels), col=1)
+    drawing.update_yaxes(type="log", exponentformat="power")
+    drawing.update_layout(**LAYOUT)
     return drawing
 
 

@@ -47,11 +47,11 @@ def compare(
     parameters = parse_settings(settings or [])
     if not 0.0 <= tube <= 1.0:
         raise HarnessError(f"--tube {tube:g}: a fraction of the range from 0 to 1 is needed")
-    for path in (candidate, reference):
-        fmufile.require_ports(path, fmufile.describe(path))  # before anything is made
-    results.prepare(out)
     if json_file:
         results.prepare_file(json_file)
+    for path in (candidate, reference):
+        fmufile.require_ports(path, fmufile.describe(path))  # no folder is made for what is no such FMU
+    results.prepare(out)
     if figures:
         papers.prepare(figures)
     record = provenance()

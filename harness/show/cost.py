@@ -15,8 +15,8 @@ LEAST, MOST = 1e-6, 1.0
 """NRMSE between which it means something: below it is rounding; above, the reference hardly moves."""
 ROOM = 0.08
 """From the outermost points to the ends of the axes, of the distance between them: no mark is cut."""
-MOST_DECADES = 2.5
-"""Decades of an axis up to which 2 and 5 have ticks."""
+STEPS = ((0.7, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (2.5, (1.0, 2.0, 5.0)), (math.inf, (1.0,)))
+"""Most decades of an axis, and where it then has ticks in each."""
 NOTE = "A colour for each fidelity, a symbol for each trial. Dashed: what {} costs, the reference."
 
 
@@ -84,12 +84,12 @@ def note(points: Sequence[Point], reference: str) -> str:
 
 
 def _axis(values: Sequence[float]) -> dict[str, object]:
-    """A logarithmic axis with room at both ends, and its ticks at 1, 2, 5; nothing of no values."""
+    """A logarithmic axis with room at both ends, and few ticks, all labelled; nothing of no values."""
     if not values:
         return {}
     low, high = math.log10(min(values)), math.log10(max(values))
     room = ROOM * (high - low) + 0.05
     low, high = low - room, high + room
-    steps = (1.0, 2.0, 5.0) if high - low < MOST_DECADES else (1.0,)
+    steps = next(steps for most, steps in STEPS if high - low < most)
     ticks = [step * 10.0**decade for decade in range(math.floor(low), math.ceil(high)) for step in steps]
     return {"range": [low, high], "tickvals": ticks, "ticktext": [f"{tick:.6g}" for tick in ticks]}
