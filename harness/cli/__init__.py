@@ -1,6 +1,5 @@
 """The command line `ema`, one command a file; heavy libraries are imported inside the commands: help comes at once."""
 
-import sys
 from typing import Annotated
 
 import typer
@@ -14,6 +13,7 @@ from harness.cli.campaign import campaign
 from harness.cli.check import check
 from harness.cli.columns import columns
 from harness.cli.compare import compare
+from harness.cli.ending import clear
 from harness.cli.export import export
 from harness.cli.guarded import Guarded
 from harness.cli.identify import identify
@@ -23,10 +23,6 @@ from harness.cli.reference import reference
 from harness.cli.replay import replay
 from harness.cli.run import run
 from harness.cli.serve import serve
-from harness.errors import HarnessError
-
-INTERRUPTED = 130
-"""Exit code that Typer gives an interrupt from the keyboard."""
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
 for command in (
@@ -67,12 +63,5 @@ def _ema(
 
 def main() -> None:
     """Entry point: bad input is one line on stderr and exit code 2, an interrupt one line and 130."""
-    try:
+    with clear():
         app()
-    except HarnessError as error:
-        typer.echo(f"ema: {error}", err=True)
-        sys.exit(2)
-    except SystemExit as end:
-        if end.code == INTERRUPTED:
-            typer.echo("ema: interrupted; every file that was written is whole", err=True)
-        raise

@@ -56,7 +56,9 @@ def build_into(
     """Build the FMUs of `models`, which start as `actuator`, into `folder`; HarnessError if that fails."""
     from harness.actuators.actuator import DEFAULT
     from harness.actuators.fmus import variant
+    from harness.files import results
 
+    results.prepare(folder)
     try:
         from ema_fmu_src.fmu import build
         from ema_fmu_src.fmu.native import targets
@@ -67,8 +69,15 @@ def build_into(
         raise HarnessError(f"building FMUs needs {error.name}: pip install -e '.[build]' in the checkout") from None
     except OSError as error:
         raise HarnessError(f"{folder}: cannot be written: {error.strerror}") from None
-    except (RuntimeError, ValueError) as error:
-        raise HarnessError(str(error)) from None
+    except (RuntimeError, ValueError) as error:  # a compiler's or a program's own report may be long
+        raise HarnessError(_reason(str(error))) from error
+
+
+def _reason(report: str) -> str:
+    """The line of a report that says why: a compiler's first error, or the last one, as under a traceback."""
+    lines = [line.strip() for line in report.splitlines() if line.strip()]
+    why = next((line for line in lines if "error:" in line), lines[-1])
+    return lines[0] if why == lines[0] else f"{lines[0]} {why}"
 
 
 def fmu_folder(fidelities: "Iterable[Fidelity]", given: Path | None = None, actuator: "Actuator | None" = None) -> Path:

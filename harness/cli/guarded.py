@@ -1,4 +1,4 @@
-"""What goes for all commands: nothing is written in place of what a command is given to read."""
+"""What goes for all commands: nothing is written in place of what one is given to read, and no empty folder stays."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +16,7 @@ class Guarded(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         from harness.files import results
 
-        with results.kept(_inputs(ctx.params)):
+        with results.tidy(), results.kept(_inputs(ctx.params)):
             return super().invoke(ctx)
 
 

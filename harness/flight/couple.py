@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 import xarray as xr
-from numba import njit
 from numpy.typing import NDArray
 
+from harness.compiled import compiled
 from harness.errors import HarnessError
 from harness.flight.calls import (
     CALLS,
@@ -55,7 +55,7 @@ class System:
     parameters: Mapping[str, float | str] = field(default_factory=dict)
 
 
-@njit(cache=True)
+@compiled()
 def _transfer(calls, components, call, variables, row, value_reference):  # type: ignore[no-untyped-def]
     """GET_REAL into `row` or SET_REAL from it, a value for each of `variables`; answers as _loop, without the step."""
     for j in range(len(variables)):
@@ -67,7 +67,7 @@ def _transfer(calls, components, call, variables, row, value_reference):  # type
     return NO_COMPONENT, 0, 0
 
 
-@njit(cache=True)
+@compiled()
 def _exchange(calls, components, sources, targets, factors, cell, value_reference):  # type: ignore[no-untyped-def]
     """Along connections: first all values, then all sets; answers as _loop, without the step."""
     failed, call, status = _transfer(calls, components, GET_REAL, sources, cell, value_reference)
@@ -78,7 +78,7 @@ def _exchange(calls, components, sources, targets, factors, cell, value_referenc
     return _transfer(calls, components, SET_REAL, targets, cell, value_reference)
 
 
-@njit(cache=True)
+@compiled()
 def _loop(calls, components, step, spans, sources, targets, factors, fed, table, recorded, outputs):  # type: ignore[no-untyped-def]
     """All steps; step, component, place in CALLS and status of a call that failed, or 0, NO_COMPONENT, 0, 0.
 
