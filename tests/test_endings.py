@@ -17,10 +17,10 @@ from numba.core.caching import FunctionCache
 
 from harness import compiled
 from harness.cli import ending, streams, terminal
-from harness.cli.build import _reason
 from harness.errors import HarnessError
 from harness.files import results
 from harness.files.toml import read_toml
+from harness.ready import _reason
 
 PORTS = [sys.executable, "-c", "import sys; from harness.cli import main; sys.argv = ['ema', 'ports', '--markdown']; main()"]
 

@@ -10,8 +10,8 @@ from scipy.signal import welch
 
 from harness.calibration.result import Calibration, Curves, Nuisance
 from harness.logs.hints import percent
-from harness.replay.page import figure as replayed
-from harness.replay.replay import Replay
+from harness.replays.page import figure as replayed
+from harness.replays.replay import Replay
 from harness.show.curves import RESIDUAL, Line, curve, thinned
 from harness.show.curves import rows as rows_of
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, origin, table
