@@ -5,6 +5,7 @@ table has to hold.
 """
 
 import errno
+import logging
 import os
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 from numba.core.caching import FunctionCache
 
 from harness import compiled
-from harness.cli import ending, streams, terminal
+from harness.cli import ending, main, streams, terminal
 from harness.errors import HarnessError
 from harness.files import results
 from harness.files.toml import read_toml
@@ -140,3 +141,25 @@ def test_folders_that_a_failure_leaves_empty_are_taken_away(tmp_path: Path) -> N
 def test_a_long_report_of_a_compiler_is_told_by_the_line_that_says_why() -> None:
     assert _reason("zig cc ... failed: a.c:1:2: error: no x\n int y\n^") == "zig cc ... failed: a.c:1:2: error: no x"
     assert _reason("emit LF failed:\n  File a\nOSError: disk full") == "emit LF failed: OSError: disk full"
+
+
+def test_a_command_that_is_mistyped_is_guessed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["ema", "rnu"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert "Did you mean 'run'" in capsys.readouterr().err
+
+
+def test_verbose_tells_what_is_written_and_where_it_failed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger("harness"), "level", logging.NOTSET)
+    monkeypatch.setattr(sys, "argv", ["ema", "-v", "actuator", "new", str(tmp_path / "own.toml")])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    with pytest.raises(SystemExit), ending.clear():
+        raise KeyError("x")
+    assert [record.getMessage() for record in caplog.records] == [f"wrote {tmp_path / 'own.toml'}", "where it failed"]
+    assert caplog.records[1].exc_info

@@ -1,5 +1,7 @@
 """The command line `ema`, one command a file; heavy libraries are imported inside the commands: help comes at once."""
 
+import logging
+import sys
 from typing import Annotated
 
 import typer
@@ -24,7 +26,7 @@ from harness.cli.replay import replay
 from harness.cli.run import run
 from harness.cli.serve import serve
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", pretty_exceptions_enable=False)
 for command in (
     build,
     run,
@@ -52,10 +54,20 @@ def _tell_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _tell_more(wanted: bool) -> None:
+    if wanted:
+        logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s")
+        logging.getLogger("harness").setLevel(logging.INFO)
+
+
 @app.callback()
 def _ema(
     version: Annotated[
         bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", "-v", callback=_tell_more, help="Tell what is written, and where it failed."),
     ] = False,
 ) -> None:
     """Digital twins of an electromechanical flight-control actuator: build, fly, compare and diagnose them as FMUs."""

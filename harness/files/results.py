@@ -2,6 +2,7 @@
 
 import io
 import json
+import logging
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -90,6 +91,7 @@ def write(path: Path, content: str | bytes) -> None:
             file.write(_bytes(content) if isinstance(content, str) else content)
         os.chmod(file.name, 0o644)
         os.replace(file.name, path)
+        logging.getLogger("harness").info("wrote %s", path)
     except OSError as error:
         raise HarnessError(f"{path}: cannot be written: {error.strerror}") from None
     finally:
