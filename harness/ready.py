@@ -5,10 +5,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ema_fmu_src.fidelities import Fidelity, fmu_name
+from harness import fidelity as home
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.actuators.fmus import belongs_to_another, record_of, variant
 from harness.errors import HarnessError
-from harness.fidelity import FMU_DIR
 from harness.files import results
 
 
@@ -52,10 +52,9 @@ def fmu_folder(
     """The folder `given`, or our own, with the FMUs that these fidelities need: those that are missing are built.
 
     In our own folder, those whose sources have changed since they were built are built again. `on_built` is told the path of
-    each that was built. HarnessError as from
-    `refuse_another`, for `actuator`.
+    each that was built. HarnessError as from `refuse_another`, for `actuator`.
     """
-    folder = given or FMU_DIR
+    folder = given or home.FMU_DIR
     models = list(dict.fromkeys(fidelity.model for fidelity in fidelities))
     missing = [model for model in models if not (folder / fmu_name(model)).is_file()]
     if given is None and find_spec("ziglang"):  # without the extra [build], what is there is what came with the package

@@ -195,7 +195,7 @@ def test_the_example_of_an_own_fmu(
 
 
 def test_the_notebook_shows_what_it_holds(fmus: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.ready.FMU_DIR", fmus["HF"].parent)
+    monkeypatch.setattr("harness.fidelity.FMU_DIR", fmus["HF"].parent)
     monkeypatch.setattr("harness.ready.find_spec", lambda name: None)  # as installed from a wheel: nothing is built
     held = json.loads((EXAMPLES / "twins.ipynb").read_text(encoding="utf-8"))
     assert texts(executed(held)) == texts(held)
