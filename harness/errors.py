@@ -8,6 +8,10 @@ from contextlib import contextmanager
 class HarnessError(Exception):
     """Bad input, or an FMU that cannot be flown; the command line prints the message and exits with 2."""
 
+    def _render_traceback_(self) -> list[str]:
+        """What IPython shows of it: the message, as the command line does."""
+        return [f"ema: {self}"]
+
 
 MOST_LISTED = 24
 """Names that a message lists."""

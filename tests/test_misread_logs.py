@@ -27,7 +27,7 @@ from harness.logs.stimulus import trials_of
 from harness.logs.trialfile import read_trial
 from harness.prognosis.history import Flight, IdentifiedFlight
 from harness.prognosis.outlook import outlook
-from harness.replay.figures import nrmse_20hz
+from harness.replays.figures import nrmse_20hz
 
 
 def _with(folder: Path, first: str, second: str, stated: dict[str, str] | None = None) -> Log:

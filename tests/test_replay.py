@@ -17,8 +17,8 @@ from harness.fidelity import FIDELITIES
 from harness.flight.twin import Twin
 from harness.logs.log import Between, Log
 from harness.logs.read import read_log
-from harness.replay.figures import nrmse_20hz, tracking_error
-from harness.replay.replay import Replay, replay
+from harness.replays.figures import nrmse_20hz, tracking_error
+from harness.replays.replay import Replay, replay
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ def _cache_dir() -> str:
     digest = hashlib.sha256()
     for source in sorted([*package.glob("physics/**/*.py"), *package.glob("twins/**/*.py"), package / "ports.py"]):
         digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     return str(base / "ema-twins" / "kernels" / digest.hexdigest()[:16])
 
 

@@ -13,7 +13,7 @@ from harness.inference.measured import Measured, measured_from_log
 from harness.logs.log import Log
 from harness.logs.read import read_log
 from harness.parameters import check_drive, check_together, parse_settings
-from harness.replay.replay import Replay, replay
+from harness.replays.replay import Replay, replay
 
 ITS_OWN = "::"
 """Between the name of a log and a setting that holds for it alone."""

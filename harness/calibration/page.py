@@ -10,9 +10,9 @@ from scipy.signal import welch
 from harness.calibration.result import Calibration, Curves, Nuisance
 from harness.logs.hints import percent
 from harness.provenance import Provenance
-from harness.replay.page import NOTE as REPLAYED
-from harness.replay.page import figure as replayed
-from harness.replay.replay import Replay
+from harness.replays.page import NOTE as REPLAYED
+from harness.replays.page import figure as replayed
+from harness.replays.replay import Replay
 from harness.show.curves import MEASURED, RESIDUAL, Line, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table

@@ -11,7 +11,7 @@ from ema_fmu_src import ports
 from harness.actuators.actuator import Actuator
 from harness.inference.measured import Measured
 from harness.logs.shown import Shown
-from harness.replay.replay import Replay
+from harness.replays.replay import Replay
 
 Array = NDArray[np.float64]
 

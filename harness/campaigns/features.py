@@ -13,11 +13,11 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
 from harness.campaigns.names import HARMONICS
+from harness.compiled import compiled
 
 Array = NDArray[np.float64]
 NEEDED = (
@@ -55,7 +55,7 @@ def features(
     return [*found, drawn * step, lost * step, saturated / steps]
 
 
-@njit(cache=True)
+@compiled()
 def harmonics(current, motor_position, motor_speed, pairs):  # type: ignore[no-untyped-def]
     """Amplitudes [A] of the first HARMONICS harmonics of the current over the electrical angle, shape (HARMONICS,)."""
     turned, mean = 0.0, 0.0
@@ -76,7 +76,7 @@ def harmonics(current, motor_position, motor_speed, pairs):  # type: ignore[no-u
     return 2.0 * np.hypot(along, across) / turned
 
 
-@njit(cache=True)
+@compiled()
 def _sums(supply_voltage, supply_current, copper_loss, saturated):  # type: ignore[no-untyped-def]
     """Sums over the steps of the power drawn, the power lost and the saturation, in one pass."""
     drawn, lost, limited = 0.0, 0.0, 0.0
@@ -87,7 +87,7 @@ def _sums(supply_voltage, supply_current, copper_loss, saturated):  # type: igno
     return drawn, lost, limited
 
 
-@njit(cache=True)
+@compiled()
 def _rms_and_range(series):  # type: ignore[no-untyped-def]
     total, low, high = 0.0, series[0], series[0]
     for value in series:

@@ -1,5 +1,6 @@
 """The command line `ema`, one command a file; heavy libraries are imported inside the commands: help comes at once."""
 
+import logging
 import sys
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from harness.cli.campaign import campaign
 from harness.cli.check import check
 from harness.cli.columns import columns
 from harness.cli.compare import compare
+from harness.cli.ending import clear
 from harness.cli.export import export
 from harness.cli.guarded import Guarded
 from harness.cli.identify import identify
@@ -23,10 +25,9 @@ from harness.cli.reference import reference
 from harness.cli.replay import replay
 from harness.cli.run import run
 from harness.cli.serve import serve
-from harness.errors import HarnessError
-from harness.flight.interrupt import INTERRUPTED, insisted
+from harness.flight.interrupt import insisted
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="markdown", pretty_exceptions_enable=False)
 for command in (
     build,
     run,
@@ -54,10 +55,20 @@ def _tell_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _tell_more(wanted: bool) -> None:
+    if wanted:
+        logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s")
+        logging.getLogger("harness").setLevel(logging.INFO)
+
+
 @app.callback()
 def _ema(
     version: Annotated[
         bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", "-v", callback=_tell_more, help="Tell what is written, and where it failed."),
     ] = False,
 ) -> None:
     """Digital twins of an electromechanical flight-control actuator: build, fly, compare and diagnose them as FMUs."""
@@ -65,13 +76,5 @@ def _ema(
 
 def main() -> None:
     """Entry point: bad input is one line on stderr and exit code 2, an interrupt one line and 130."""
-    try:
-        with insisted():
-            app()
-    except HarnessError as error:
-        typer.echo(f"ema: {error}", err=True)
-        sys.exit(2)
-    except SystemExit as end:
-        if end.code == INTERRUPTED:
-            typer.echo("ema: interrupted; every file that was written is whole", err=True)
-        raise
+    with clear(), insisted():
+        app()

@@ -1,4 +1,4 @@
-"""What goes for all commands: what they read is known, and nothing is written in place of it."""
+"""What goes for all commands: what they read is known, nothing is written in place of it, and no empty folder stays."""
 
 from collections.abc import Iterator
 from contextvars import ContextVar
@@ -29,7 +29,7 @@ class Guarded(TyperCommand):
         fmus = [file for path in named if path.is_dir() for file in path.glob("*.fmu")]
         token = _READ.set(tuple(path for path, option in named.items() if option != FMUS and path.exists()))
         try:
-            with results.kept([*named, *fmus]):
+            with results.tidy(), results.kept([*named, *fmus]):
                 return super().invoke(ctx)
         finally:
             _READ.reset(token)

@@ -22,7 +22,7 @@ from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 
 if TYPE_CHECKING:
-    from harness.replay.replay import Replay
+    from harness.replays.replay import Replay
 
 
 def replay(
@@ -44,9 +44,9 @@ def replay(
     from harness.flight.interrupt import deferred
     from harness.flight.twin import Twin
     from harness.logs.read import read_log
-    from harness.replay.page import figures as figures_of
-    from harness.replay.page import page
-    from harness.replay.replay import replay as fly
+    from harness.replays.page import figures as figures_of
+    from harness.replays.page import page
+    from harness.replays.replay import replay as fly
     from harness.show import figures as papers
     from harness.show.page import write_page
 
@@ -85,7 +85,7 @@ def _as_dict(found: "list[Replay]", log: Path, actuator: dict[str, str]) -> dict
 
 
 def _print(item: "Replay") -> None:
-    from harness.replay.page import HEADS, TRACKING, rows, tracking_rows
+    from harness.replays.page import HEADS, TRACKING, rows, tracking_rows
 
     caption = f"{item.log.name}, {item.fidelity}: {len(item.log.time)} rows, command {item.between.value} between them"
     show(caption, HEADS, rows(item), words=("Unit",))

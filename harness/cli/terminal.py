@@ -22,16 +22,16 @@ def show(
     no terminal says how many.
     """
     from rich.console import Console
-    from rich.markup import escape
     from rich.table import Table
+    from rich.text import Text
 
-    shown = Table(title=caption)
+    shown = Table(title=Text(caption))
     for place, head in enumerate(heads):
         left = place == 0 or head in words
-        shown.add_column(head, justify="left" if left else "right", overflow="fold", no_wrap=place == 0)
+        shown.add_column(Text(head), justify="left" if left else "right", overflow="fold", no_wrap=place == 0)
     for row in rows:
         if row:
-            shown.add_row(*map(escape, row))
+            shown.add_row(*map(Text, row))
         else:
             shown.add_section()
     Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else wide).print(shown)
@@ -41,9 +41,10 @@ def show(
 def working() -> "Iterator[Callable[[str], None]]":
     """A spinner beside what is being done, which the function it yields is told; nothing is left behind."""
     from rich.console import Console
+    from rich.text import Text
 
     with Console(stderr=True).status("reading") as status:
-        yield status.update
+        yield lambda text: status.update(Text(text))
 
 
 def progress() -> "Progress":
@@ -51,5 +52,5 @@ def progress() -> "Progress":
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=Console(stderr=True), transient=True)

@@ -2,10 +2,11 @@
 
 import io
 import json
+import logging
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,23 @@ def kept(paths: Iterable[Path]) -> Iterator[None]:
         _KEPT.reset(token)
 
 
+_MADE: ContextVar[list[Path] | None] = ContextVar("made", default=None)
+
+
+@contextmanager
+def tidy() -> Iterator[None]:
+    """When it ends, folders that `prepare` and `prepare_file` made within it, and that have stayed empty, are taken away."""
+    made: list[Path] = []
+    token = _MADE.set(made)
+    try:
+        yield
+    finally:
+        _MADE.reset(token)
+        for folder in reversed(made):
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
+
+
 def refuse_kept(path: Path) -> None:
     """HarnessError if `path` is one of those that are `kept`."""
     if path.exists() and any(path.samefile(other) for other in _KEPT.get() if other.exists()):
@@ -45,6 +63,9 @@ def prepare(folder: Path) -> None:
 
 
 def _make(folder: Path) -> None:
+    made = _MADE.get()
+    if made is not None:
+        made += [each for each in (*reversed(folder.parents), folder) if not each.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -67,14 +88,23 @@ def write(path: Path, content: str | bytes) -> None:
     file = None
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            file.write(content.encode() if isinstance(content, str) else content)
+            file.write(_bytes(content) if isinstance(content, str) else content)
         os.chmod(file.name, 0o644)
         os.replace(file.name, path)
+        logging.getLogger("harness").info("wrote %s", path)
     except OSError as error:
         raise HarnessError(f"{path}: cannot be written: {error.strerror}") from None
     finally:
         if file is not None:
             Path(file.name).unlink(missing_ok=True)
+
+
+def _bytes(text: str) -> bytes:
+    """UTF-8; what is no text, as in the name of a file, as the sign for that: a page or a table has to be text."""
+    try:
+        return text.encode()
+    except UnicodeEncodeError:
+        return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace").encode()
 
 
 def write_json(path: Path, content: object) -> None:

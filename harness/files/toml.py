@@ -20,7 +20,9 @@ def read_toml(path: Path) -> dict[str, Any]:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise HarnessError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # what is no text, too many digits, or too deep, too
+    except RecursionError:
+        raise HarnessError(f"{path}: more than {DEEPEST} tables or lists in each other; no key is so deep") from None
+    except ValueError as error:  # what is no text, or too many digits, too
         raise HarnessError(f"{path}: is not TOML: {' '.join(str(error).split())}") from None
     _check_depth(content, path)
     return content

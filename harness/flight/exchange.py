@@ -5,8 +5,8 @@ and Booleans are exact, and Strings in rows of bytes beside it.
 """
 
 import numpy as np
-from numba import njit
 
+from harness.compiled import compiled
 from harness.flight.calls import (
     DO_STEP,
     GET_BOOLEAN,
@@ -35,7 +35,7 @@ NOTHING, STEPPED, FED, SOURCE, TARGET, RECORDED = range(6)
 """What failed: nothing, a component's step, or setting or getting one of these variables."""
 
 
-@njit(cache=True)
+@compiled()
 def _copied(address, text):  # type: ignore[no-untyped-def]
     """Copy the String at `address` (0: an empty one) to `text`; whether it fits."""
     for i in range(len(text)):
@@ -45,7 +45,7 @@ def _copied(address, text):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True)
+@compiled()
 def _set(calls, components, variables, row, texts, scratch):  # type: ignore[no-untyped-def]
     """Set `variables` from `row` and `texts`; place of the one that failed, in CALLS the place of the call, and status."""
     reference, whole, pointer = scratch
@@ -66,7 +66,7 @@ def _set(calls, components, variables, row, texts, scratch):  # type: ignore[no-
     return 0, 0, 0
 
 
-@njit(cache=True)
+@compiled()
 def _get(calls, components, variables, row, texts, scratch):  # type: ignore[no-untyped-def]
     """Get `variables` into `row` and `texts`; answers as _set."""
     reference, whole, pointer = scratch
@@ -87,7 +87,7 @@ def _get(calls, components, variables, row, texts, scratch):  # type: ignore[no-
     return 0, 0, 0
 
 
-@njit(cache=True)
+@compiled()
 def start(calls, components, recorded, outputs):  # type: ignore[no-untyped-def]
     """Record the first point; what failed, its place, the call's place in CALLS, and its status; or NOTHING, 0, 0, 0."""
     scratch = np.empty(1, np.uint32), np.empty(1, np.int32), np.empty(1, np.intp)
@@ -95,7 +95,7 @@ def start(calls, components, recorded, outputs):  # type: ignore[no-untyped-def]
     return (RECORDED, j, call, status) if status else (NOTHING, 0, 0, 0)
 
 
-@njit(cache=True)
+@compiled()
 def advance(calls, components, times, span, spans, sources, targets, factors, fed, table, recorded, outputs):  # type: ignore[no-untyped-def]
     """Steps span[0] to span[1] - 1 between `times` [s], shape (n_steps + 1,); the step that failed, and then as `start`.
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from harness.compiled import compiled
 from harness.flight.calls import (
     CALLS,
     DO_STEP,
@@ -87,7 +87,7 @@ class Recording:
     stopped: bool
 
 
-@njit(cache=True)
+@compiled()
 def _set_others(calls, component, n, places, row, wholes, whole_data):  # type: ignore[no-untyped-def]
     """Integer and Boolean inputs from `row`; place in CALLS and status of a call that failed, or 0, 0."""
     for kind, call in ((1, SET_INTEGER), (2, SET_BOOLEAN)):
@@ -101,7 +101,7 @@ def _set_others(calls, component, n, places, row, wholes, whole_data):  # type: 
     return 0, 0
 
 
-@njit(cache=True)
+@compiled()
 def _get_others(calls, component, n, places, row, wholes, whole_data):  # type: ignore[no-untyped-def]
     """Integer and Boolean outputs into `row`; place in CALLS and status of a call that failed, or 0, 0."""
     for kind, call in ((1, GET_INTEGER), (2, GET_BOOLEAN)):
@@ -115,7 +115,7 @@ def _get_others(calls, component, n, places, row, wholes, whole_data):  # type: 
     return 0, 0
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _loop(calls, component, start, step, span, given, wanted, places, ramps, table, outputs):  # type: ignore[no-untyped-def]
     """Steps span[0] to span[1] - 1; the step at which a call failed, its place in CALLS, its status; or NO_STEP, 0, 0.
 

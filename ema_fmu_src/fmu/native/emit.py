@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-ENVIRONMENT = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT": "3"}
+ENVIRONMENT = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT": "3", "NUMBA_DISABLE_JIT": "0"}
 """Environment variables that `main` needs."""
 
 ENTRY = """

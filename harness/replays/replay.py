@@ -17,8 +17,8 @@ from harness.logs.shown import Shown, shown, value_of
 from harness.logs.start import start_of
 from harness.logs.stimulus import trials_of
 from harness.parameters import merged
-from harness.replay.figures import MOST_LAG, Channel, TrackingError, nrmse, nrmse_20hz, rms, tracking_error
-from harness.replay.remarks import remarks_of
+from harness.replays.figures import MOST_LAG, Channel, TrackingError, nrmse, nrmse_20hz, rms, tracking_error
+from harness.replays.remarks import remarks_of
 
 Array = NDArray[np.float64]
 

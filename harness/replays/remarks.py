@@ -10,7 +10,7 @@ from harness.logs.log import Log
 from harness.logs.noise import filled
 from harness.logs.observer import shift_bounds
 from harness.logs.shown import ON_THE_MOTOR, Shown
-from harness.replay.figures import MOST_LAG, Channel
+from harness.replays.figures import MOST_LAG, Channel
 
 Array = NDArray[np.float64]
 

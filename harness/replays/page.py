@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.logs.hints import percent
 from harness.provenance import Provenance
-from harness.replay.replay import Replay
+from harness.replays.replay import Replay
 from harness.show.curves import COMMAND, MEASURED, RESIDUAL, curve, lines_of, thinned
 from harness.show.curves import rows as rows_of
 from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence, table

@@ -1,0 +1,1 @@
+"""What `import harness` offers to scripts and notebooks, as functions of names, paths and datasets."""
