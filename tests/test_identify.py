@@ -193,6 +193,15 @@ def test_a_load_that_nobody_logged_is_no_fault(folder, fmus):
     assert any("an unknown load was found" in line for line in found.remarks)
 
 
+def test_a_current_sensor_that_reads_too_much_is_named(folder, fmus):
+    """Its factor is beyond what a sensor's prior allows, and looks much like weaker magnets."""
+    table = columns(fmus["HF"], "CHIRP", {})
+    name = "equivalent_current_filtered"
+    found = diagnose(folder, table | {name: 1.06 * table[name]})
+    assert not found.complaints and any(line.count(name) and "6 %" in line for line in found.remarks), found.remarks
+    assert not any(item.alarm for item in found.estimates) or any("gains" in item for item in found.alternatives)
+
+
 def test_an_open_switch_is_told_with_its_number(folder, fmus):
     found = diagnose(folder, columns(fmus["HF"], "SIN", {}, {"fault.open_switch": 1}, rate=500.0))
     assert "open_switch = 1" in found.verdict and not any(item.alarm for item in found.estimates)

@@ -107,10 +107,7 @@ def _with_sigma(item: dict[str, Any]) -> tuple[str, str]:
 
 def _alternatives(diagnosis: Diagnosis) -> str:
     """A table of other explanations, and one of what the run cannot tell apart, as HTML; empty if there are none."""
-    others = [
-        (", ".join(f"{name} = {value:.4g}" for name, value in item["faults"].items()) or "no fault", f"{item['worse']:.1f}")
-        for item in diagnosis.alternatives
-    ]
+    others = [(_explained_by(item), f"{item['worse']:.1f}") for item in diagnosis.alternatives]
     groups = [
         (
             ", ".join(f"{name} {change:+.2g}" for name, change in group.members.items()),
@@ -122,6 +119,13 @@ def _alternatives(diagnosis: Diagnosis) -> str:
     shown = table("Other explanations", ("Faults", "Worse by, in -2 log likelihood"), others) if others else ""
     heads = ("Together, in % of each", "Told by the data", "What would tell them")
     return shown + (table("What this run cannot tell apart", heads, groups) if groups else "")
+
+
+def _explained_by(item: dict[str, Any]) -> str:
+    """The faults of an alternative, or the sensors that would do without."""
+    faults = ", ".join(f"{name} = {value:.4g}" for name, value in item["faults"].items()) or "no fault"
+    gains = ", ".join(f"{name} reads {100.0 * value:+.2g} %" for name, value in item.get("gains", {}).items())
+    return f"{faults}, if {gains}" if gains else faults
 
 
 def rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:

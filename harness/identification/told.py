@@ -73,8 +73,12 @@ def shifts_of(found: Explained) -> list[float]:
 
 def alternatives_of(found: Explained) -> list[dict[str, Any]]:
     """Other faults that explain the run as well: their names, values in the ports' units, and by how much -2 log likelihood,
-    with what each fault has to gain, is worse than the best's."""
-    return [{"faults": _values(other.faults, other.fit.u), "worse": found.worse(other)} for other in found.alternatives]
+    with what each fault has to gain, is worse than the best's; and factors of sensors (relative errors, by port) that do so
+    without a fault."""
+    others = [{"faults": _values(other.faults, other.fit.u), "worse": found.worse(other)} for other in found.alternatives]
+    if found.misread:
+        others.append({"faults": {}, "gains": dict(found.misread.gains), "worse": found.misread.worse})
+    return others
 
 
 def _odds(worse: float) -> str:
@@ -110,6 +114,9 @@ def remarks_of(found: Explained, estimates: Sequence[Estimate], untold: Sequence
             twins = [FAULTS[name].alone for name in other.faults if FAULTS[name].alone]
             odds = f"no model tells it from {twins[0]} for certain" if twins else _odds(found.worse(other))
             remarks.append(f"explained as well, or nearly, by {told or 'no fault at all'} ({odds})")
+    if found.misread and alarmed:
+        gains = " and ".join(f"{name} reads {100.0 * value:+.2g} %" for name, value in found.misread.gains.items())
+        remarks.append(f"explained as well, or nearly, by no fault, if {gains} ({_odds(found.misread.worse)})")
     remarks += _beside(found)
     wide = {item.fault for item in estimates if item.alarm and not item.identifiable}
     named = [

@@ -17,6 +17,7 @@ from harness.inference.contest import Contest, Explanation
 from harness.inference.evidence import ALIKE, ROUGH, Faults, Profile, probabilities, rarity
 from harness.inference.gap import update_scatter
 from harness.inference.left import Left, left
+from harness.inference.misread import Misread, misread
 from harness.inference.problem import LATER, Fit, Problem
 from harness.inference.sensors import LAG
 from harness.inference.starts import starts
@@ -48,7 +49,7 @@ NO_LOAD: Load = "none"
 class Explained:
     """What the runs say: `explanations`, best first, and the `costs` of sets of faults, penalised -2 log likelihood; the
     `probability` of each fault; the unknown `load` that the runs need; and the quadratic `around` the best explanation
-    over everything."""
+    over everything; `misread`: sensors that would explain them without a fault."""
 
     problem: Problem
     explanations: list[Explanation]
@@ -56,6 +57,7 @@ class Explained:
     probability: dict[str, float]
     load: Load
     around: Fit
+    misread: Misread | None = None
 
     @property
     def best(self) -> Explanation:
@@ -176,4 +178,5 @@ def explain(problem: Problem, able: Sequence[str], on_step: OnStep = lambda text
     explanations = sorted(contest.entries.values(), key=contest.cost)
     costs = {which: cost for cost, which in ranked} | {item.faults: contest.cost(item) for item in explanations}
     probability = probabilities(sorted((cost, which) for which, cost in costs.items()))
-    return Explained(problem, explanations, costs, probability, contest.load, profile.fit)
+    sensors = None if hopeless else misread(problem, contest)
+    return Explained(problem, explanations, costs, probability, contest.load, profile.fit, sensors)
