@@ -19,7 +19,7 @@ from harness.show.page import LAYOUT, document, drawn, flown_actuator, sentence,
 
 Array = NDArray[np.float64]
 
-HEADS = ("Parameter", "Unit", "Start", "+-", "Value", "Sigma", "of before", "")
+HEADS = ("Parameter", "Unit", "Start", "Sigma before", "Value", "Sigma", "of before", "")
 NUISANCES = ("Run", "Channel", "Offset", "Gain [%]", "Shift [ms]", "Low-pass [ms]")
 RESTS = ("Run", "Channel", "Rms [% of range]", "unexplained", "Noise", "order")
 FIGURES = ("Run", "Channel", "NRMSE", "at 20 Hz", "unshifted", "Shift", "Tracking error")
@@ -50,7 +50,7 @@ def page(found: Calibration, record: Provenance) -> str:
 
 
 def _caption(found: Calibration) -> str:
-    return f"Parameters, after {found.flights} runs of FMUs in {found.seconds:.1f} s; +- and sigma are standard deviations"
+    return f"Parameters, after {found.flights} runs of FMUs in {found.seconds:.1f} s; sigmas are standard deviations"
 
 
 def parameter_rows(found: Calibration) -> list[tuple[str, ...]]:

@@ -15,7 +15,7 @@ from harness.identification.between import begun, decided
 from harness.identification.curves import Curves, curves_of
 from harness.identification.estimates import Estimate, estimates_of, hidden, without_effect
 from harness.identification.ripple import ripple
-from harness.identification.switch import PORT, open_switch
+from harness.identification.switch import NO_SWITCH, PORT, open_switch
 from harness.identification.told import alternatives_of, nuisances_of, parameters_of, remarks_of, shifts_of, verdict_of
 from harness.identification.unexplained import left_without_faults, unexplained
 from harness.inference.explain import EXPLAINED, HOPELESS, Explained, explain
@@ -144,7 +144,7 @@ def identify(
         able = _able(searched, given)
         found, curves, evaluations = _explained(measured, fmus, (searched, judging), given, prior, able, on_step)
         switch, rest = 0, float(curves.left.unexplained.max())
-        if rest > HOPELESS and not given.get(PORT):
+        if looked := rest > HOPELESS and not given.get(PORT):
             on_step("looking for an open switch")
             switch = open_switch(measured, fmus, searched, given, prior, rest)
         if switch:
@@ -157,7 +157,7 @@ def identify(
     untold = groups(found.around, found.problem.unknowns, able)
     if complaints:
         estimates = [replace(item, health=None, alarm=False) for item in estimates]
-        remarks = left_without_faults(curves, measured)
+        remarks = [*left_without_faults(curves, measured), *([NO_SWITCH] if looked else [])]
     else:
         estimates = hidden(estimates) if rippled else estimates
         remarks = [*([rippled] if rippled else []), *remarks_of(found, estimates, untold, actuator)]

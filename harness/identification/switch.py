@@ -21,6 +21,12 @@ MOST = 0.1
 """The same, in ranges of the channel: the averaged models are off by some per cent with a switch open."""
 
 
+NO_SWITCH = (
+    "one of the six switches that stays open was looked for and not found, though with a slow or stalled motor none shows "
+    "clearly: a run in which it turns steadily would tell"
+)
+
+
 def open_switch(
     measured: Measured,
     fmus: Path,
