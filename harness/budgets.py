@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +27,9 @@ from harness.logs.axes import axis_of
 from harness.logs.convert import inside
 from harness.logs.find import Found
 from harness.logs.mapping import ColumnSpec
+from harness.logs.trialfile import read_trial
 from harness.parameters import merged
-from harness.trials import BUILT_IN, trial
+from harness.trials import BUILT_IN, Trial, trial
 
 ROTARY = ACTUATOR.output
 DEFAULT = Path(__file__).with_name("budgets.toml")
@@ -40,6 +41,8 @@ BANDWIDTHS = (2.0 * math.pi * 99.9, 2.0 * math.pi * 2001.0)
 PEAK_FACTOR = 5.0
 """A budget is an rms: single points may differ by so many budgets before the trajectory has left its tube."""
 
+TRIALS = "trials"
+"""The table of a file of budgets that names trials of its own."""
 Budgets = dict[str, dict[str, dict[str, float]]]
 """Trial -> fidelity -> variable -> NRMSE allowed."""
 
@@ -49,7 +52,8 @@ class Verdict:
     """One variable of one fidelity in one trial.
 
     `budget` and `found`: NRMSE allowed (infinite: any) and found (None where there is nothing to compare with); `left` [s]:
-    when the trajectory left its tube, None if it did not; `failure`: why the fidelity could not be flown.
+    when the trajectory left its tube, None if it did not; `failure`: why the fidelity could not be flown; `wall` [s]: what
+    its run took.
     """
 
     trial: str
@@ -59,6 +63,21 @@ class Verdict:
     found: float | None = None
     left: float | None = None
     failure: str = ""
+    wall: float | None = None
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON; the budget is None where there is none."""
+        return {
+            "trial": self.trial,
+            "fidelity": self.fidelity,
+            "variable": self.variable,
+            "passed": self.passed,
+            "nrmse": self.found,
+            "budget": self.budget if self.judged else None,
+            "left_s": self.left,
+            "failure": self.failure,
+            "wall_s": self.wall,
+        }
 
     @property
     def judged(self) -> bool:
@@ -85,11 +104,22 @@ class Verdict:
 
 def read_budgets(path: Path = DEFAULT) -> Budgets:
     """The budgets in a TOML file; HarnessError with a line for each mistake in it."""
+    return _read(path)[0]
+
+
+def read_trials(path: Path, output: Output = ROTARY) -> dict[str, Trial]:
+    """The trials that the file of budgets brings, by name: those of its table `[trials]`, NAME = FILE, beside it; `output`:
+    what moves at the user's side. HarnessError as from `read_budgets` and `read_trial`."""
+    return {name: replace(read_trial(path.parent / file, output), name=name) for name, file in _read(path)[1].items()}
+
+
+def _read(path: Path) -> tuple[Budgets, dict[str, str]]:
     content = read_toml(path)
-    problems = list(_problems(content))
+    own = content.pop(TRIALS, {})
+    problems = list(_problems_of_trials(own)) or list(_problems(content, own))
     if problems:
         raise HarnessError("; ".join(f"{path}: {problem}" for problem in problems))
-    return content
+    return content, own
 
 
 def budgets_for(actuator: Actuator, parameters: Mapping[str, float]) -> Path | None:
@@ -111,13 +141,24 @@ def without_limits(budgets: Budgets) -> Budgets:
     }
 
 
-def _problems(content: Mapping[str, Any]) -> Iterator[str]:
+def _problems_of_trials(own: object) -> Iterator[str]:
+    if not isinstance(own, dict):
+        yield f"{TRIALS}: a table of lines NAME = FILE is needed"
+        return
+    for name, file in own.items():
+        if name in BUILT_IN:
+            yield f"[{TRIALS}] {name}: a trial of that name is built in; another name is needed"
+        if not isinstance(file, str):
+            yield f"[{TRIALS}] {name} = {file}: the path of a trial's file is needed"
+
+
+def _problems(content: Mapping[str, Any], own: Mapping[str, str]) -> Iterator[str]:
     outputs = {port.name for port in ports.OUTPUTS}
     if not content:
         yield "no budgets; a table [TRIAL.FIDELITY] with lines VARIABLE = NRMSE is needed"
     for name, fidelities in content.items():
-        if name not in BUILT_IN:
-            yield f"[{name}]: no such trial: {', '.join(BUILT_IN)}"
+        if name not in BUILT_IN and name not in own:
+            yield f"[{name}]: no such trial: {', '.join((*BUILT_IN, *own))}; [{TRIALS}] takes your own"
         if not isinstance(fidelities, dict):
             yield f"{name}: a table of fidelities is needed"
             continue
@@ -143,11 +184,13 @@ def check(
     parameters: Mapping[str, float] | None = None,
     time_limit: float = TIME_LIMIT,
     output: Output = ROTARY,
+    trials: Mapping[str, Trial] | None = None,
 ) -> tuple[list[Verdict], Experiment]:
     """Fly what `budgets` names with the FMUs in the folder `fmus`, each in a process of its own.
 
     The reference is the reference fidelity's FMU there, the FMU `reference`, or the CSV files TRIAL_HF.csv in the folder
-    `stored` (which `ema run` writes; of a linear actuator, whose `output` is given, in m and N). Returns a verdict for each
+    `stored` (which `ema run` writes; of a linear actuator, whose `output` is given, in m and N). `trials`: by name,
+    those that are not built in. Returns a verdict for each
     budget, and the runs for a page. A fidelity that fails is a verdict; HarnessError if the reference cannot be flown or
     read.
     """
@@ -159,7 +202,8 @@ def check(
         def flown(path: Path, name: str, settings: Mapping[str, float], fidelity: str) -> xr.Dataset:
             if path not in opened:
                 opened[path] = stack.enter_context(Isolated(path, time_limit=time_limit))
-            return opened[path].run(trial(name), settings).assign_attrs(fidelity=fidelity)
+            own = (trials or {}).get(name) or trial(name)
+            return opened[path].run(own, settings).assign_attrs(fidelity=fidelity)
 
         for name, fidelities in budgets.items():
             if stored:
@@ -224,5 +268,5 @@ def _verdicts(
         truth = expected[variable].values.astype(float)
         outside = np.flatnonzero(np.abs(series - truth) > PEAK_FACTOR * budget * np.ptp(truth))
         left = float(expected.time.values[outside[0]]) if outside.size else None
-        verdicts.append(Verdict(name, fidelity, variable, budget, found[variable].nrmse, left))
+        verdicts.append(Verdict(name, fidelity, variable, budget, found[variable].nrmse, left, wall=run.attrs["wall_s"]))
     return verdicts

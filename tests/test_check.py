@@ -1,5 +1,6 @@
 """`ema check`: budgets kept and exceeded, a regression caught, FMUs that crash, hang or lie contained."""
 
+import json
 import shutil
 import sys
 from pathlib import Path
@@ -70,6 +71,23 @@ def test_a_k_e_that_is_5_percent_wrong_is_caught(
     told = capsys.readouterr().out
     assert "SIN LF equivalent_current_filtered: " in told and "budget 0.5000 %" in told
     assert int(ElementTree.parse(tmp_path / "c.xml").getroot().get("failures") or 0) >= 1
+
+
+def test_a_trial_of_ones_own_and_what_ci_reads(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Held to twice and to half of what it errs by: JSON and JUnit have the error, the budget and the run's time."""
+    (tmp_path / "taxi.csv").write_text("time,command\n0,0\n0.1,0.02\n0.2,0.02\n")
+    files, found = tmp_path / "b.toml", tmp_path / "c.json"
+    for budget, code in ((1.0, 0), (1e-12, 1)):
+        files.write_text(f'[trials]\ntaxi = "taxi.csv"\n[taxi.LF]\nposition = {budget}\nmotor_speed = 1\n')
+        options = ("--fmus", str(folder), "--budgets", str(files), "--json", str(found), "--junit", str(tmp_path / "c.xml"))
+        assert ema(monkeypatch, *options) == code
+        position, speed = json.loads(found.read_text())["verdicts"]
+        assert (position["trial"], position["budget"], speed["passed"]) == ("taxi", budget, True)
+        assert position["passed"] == (code == 0) and 1e-12 < position["nrmse"] < 0.01 and position["wall_s"] > 0.0
+    suite = ElementTree.parse(tmp_path / "c.xml").getroot()
+    assert sum(float(case.get("time") or 0.0) for case in suite) == pytest.approx(position["wall_s"], abs=1e-5)
+    values = {item.get("name"): float(item.get("value") or 0.0) for item in suite[0].iter("property")}
+    assert values == pytest.approx({"nrmse": position["nrmse"], "budget": 1e-12}, rel=1e-5)
 
 
 @pytest.fixture(scope="module")
@@ -145,6 +163,9 @@ def test_a_reference_that_cannot_be_flown_is_exit_code_2(
         ("[SIN.LF]\nposition = -1", "position = -1: a number from 0 on"),
         ("[SIN.LF]\nposition = true", "position = True: a number from 0 on"),
         ("SIN = 3", "SIN: a table of fidelities"),
+        ('[trials]\nSIN = "a.csv"', "SIN: a trial of that name is built in"),
+        ("[trials]\nmine = 3", "mine = 3: the path of a trial's file"),
+        ('[trials]\nmine = "a.csv"', "no budgets"),
         ("[SIN]\nLF = 3", "LF: a table of variables"),
         ("[SIM.LF]\nangle = 1\n[SIN.MF]\nposition = 1", "SIM.*angle.*MF"),
     ],

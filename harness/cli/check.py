@@ -8,8 +8,8 @@ import typer
 
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
 from harness.cli.build import fmu_folder, refuse_another
-from harness.cli.options import ActuatorOption, FmuDir, Settings, chosen_actuator, chosen_parameters, small
-from harness.cli.origin import provenance
+from harness.cli.options import ActuatorOption, FmuDir, JsonFile, Settings, chosen_actuator, chosen_parameters, small
+from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 from harness.errors import HarnessError
 
@@ -34,6 +34,7 @@ def check(
     time_limit: Annotated[float, typer.Option(metavar="S", help="For one run of an FMU, which is then ended.")] = 60.0,
     junit: Annotated[Path | None, typer.Option(metavar="FILE.xml", help="JUnit XML for a CI server.")] = None,
     page: Annotated[Path | None, typer.Option(metavar="FILE.html", help="The report page, as ema run writes it.")] = None,
+    json_file: JsonFile = None,
     markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="A summary; appended to, if it is there.")] = None,
 ) -> None:
     """Check every fidelity against its budget of the reference; exit code 0 within, 1 outside, 2 could not run.
@@ -54,13 +55,14 @@ def check(
     allowed = budgeting.read_budgets(own or budgeting.DEFAULT)
     if own is None:
         allowed = budgeting.without_limits(allowed)
-    for line in small([trial(name) for name in allowed], chosen):
+    trials = budgeting.read_trials(own, chosen.output) if own else {}
+    for line in small([trials.get(name) or trial(name) for name in allowed], chosen):
         typer.echo(line, err=True)
     if not time_limit > 0.0:
         raise HarnessError(f"--time-limit {time_limit:g}: more than 0 s is needed")
     if reference and stored:
         raise HarnessError("--reference and --stored: one of the two can be the reference")
-    for path in (junit, markdown, page):
+    for path in (junit, markdown, page, json_file):
         if path:
             results.prepare_file(path)
     wanted = {REFERENCE.name, *(fidelity for fidelities in allowed.values() for fidelity in fidelities)}
@@ -75,7 +77,10 @@ def check(
         parameters=parameters,
         time_limit=time_limit,
         output=chosen.output,
+        trials=trials,
     )
+    if json_file:
+        write_json(json_file, {"actuator": chosen.identity, "verdicts": [item.as_dict() for item in judged]}, record)
     if junit:
         results.write(junit, verdicts.junit(judged))
     if markdown:

@@ -45,7 +45,7 @@ def misread(problem: Problem, contest: Contest) -> Misread | None:
     finally:
         own.precision = known
         contest.use(best)
-    found = {}
+    found: dict[str, float] = {}
     for r, run in enumerate(problem.runs):
         values = own.nuisances_of(fit.u, r)[:, GAIN]
         found |= {name: float(value) for name, value in zip(run.measured.channels, values, strict=True)}

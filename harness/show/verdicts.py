@@ -1,5 +1,6 @@
 """The verdicts of `ema check` for a CI server: JUnit XML and Markdown."""
 
+from collections import Counter
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -7,11 +8,20 @@ from harness.budgets import Verdict
 
 
 def junit(verdicts: Sequence[Verdict]) -> str:
-    """JUnit XML: a test case for each verdict."""
+    """JUnit XML: a test case for each verdict, with its share of the run's time [s], its error and its budget."""
     failed = [verdict for verdict in verdicts if not verdict.passed]
+    of_run = Counter((verdict.trial, verdict.fidelity) for verdict in verdicts)
+    times = [(verdict.wall or 0.0) / of_run[verdict.trial, verdict.fidelity] for verdict in verdicts]
     suite = Element("testsuite", name="ema check", tests=str(len(verdicts)), failures=str(len(failed)))
-    for verdict in verdicts:
-        case = SubElement(suite, "testcase", classname=f"{verdict.trial}.{verdict.fidelity}", name=verdict.variable)
+    suite.set("time", f"{sum(times):.6f}")
+    for verdict, time in zip(verdicts, times, strict=True):
+        where = f"{verdict.trial}.{verdict.fidelity}"
+        case = SubElement(suite, "testcase", classname=where, name=verdict.variable, time=f"{time:.6f}")
+        if verdict.found is not None:
+            properties = SubElement(case, "properties")
+            SubElement(properties, "property", name="nrmse", value=f"{verdict.found:.6g}")
+            if verdict.judged:
+                SubElement(properties, "property", name="budget", value=f"{verdict.budget:.6g}")
         if not verdict.passed:
             SubElement(case, "failure", message=verdict.line)
     indent(suite)
