@@ -4,13 +4,17 @@ import json
 import re
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ema_fmu_src import ports
+from harness.actuators.actuator import DEFAULT
 from harness.cli import main
+from harness.cli.options import beyond
+from harness.trials import trial
 
 
 def _ema(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[int, str, str]:
@@ -235,3 +239,11 @@ def test_interrupt_is_one_line_and_130(
     assert len(whole.read_text().splitlines()) == 1 + 25001
     rows = saved.read_text().splitlines()
     assert rows[0].startswith("time,command,position") and len(rows) == 1 + 1 + master.POINTS_A_NOTICE
+
+
+def test_a_command_beyond_the_end_stop_is_remarked() -> None:
+    sine = trial("SIN")
+    far = replace(sine, inputs={"command": np.linspace(0.0, 0.9, len(sine.time))})
+    (line,) = beyond([far, sine], DEFAULT, {})
+    assert line.startswith("SIN: the command goes to 0.9 rad, beyond the end stop at 0.6 rad")
+    assert not beyond([far], DEFAULT, {"mechanics.end_stop": 1.0})

@@ -8,7 +8,7 @@ import typer
 
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
 from harness.cli.build import fmu_folder, refuse_another
-from harness.cli.options import ActuatorOption, FmuDir, JsonFile, Settings, chosen_actuator, chosen_parameters, small
+from harness.cli.options import ActuatorOption, FmuDir, JsonFile, Settings, beyond, chosen_actuator, chosen_parameters, small
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 from harness.errors import HarnessError
@@ -56,7 +56,8 @@ def check(
     if own is None:
         allowed = budgeting.without_limits(allowed)
     trials = budgeting.read_trials(own, chosen.output) if own else {}
-    for line in small([trials.get(name) or trial(name) for name in allowed], chosen):
+    named = [trials.get(name) or trial(name) for name in allowed]
+    for line in (*small(named, chosen), *beyond(named, chosen, parameters)):
         typer.echo(line, err=True)
     if not time_limit > 0.0:
         raise HarnessError(f"--time-limit {time_limit:g}: more than 0 s is needed")

@@ -157,6 +157,23 @@ def end_stop(actuator: "Actuator", parameters: "Mapping[str, float]") -> list[st
     return unstated_end_stop(parameters, actuator.output)
 
 
+def beyond(trials: "Sequence[Trial]", actuator: "Actuator", parameters: "Mapping[str, float]") -> list[str]:
+    """A line for each trial whose command goes beyond the end stops, where the shaft stays."""
+    from harness.logs.shown import value_of
+
+    stop, output = value_of("mechanics.end_stop", {**actuator.parameters, **parameters}), actuator.output
+    scale, unit = output.scale("position"), output.unit("position")
+    lines = []
+    for each in trials:
+        furthest = float(abs(each.inputs["command"]).max())
+        if furthest > stop * (1.0 + 1e-9):
+            lines.append(
+                f"{each.name}: the command goes to {scale * furthest:.4g} {unit}, beyond the end stop at "
+                f"{scale * stop:.4g} {unit} (mechanics.end_stop), where the shaft stays"
+            )
+    return lines
+
+
 SMALL = 0.01
 """Part of the travel to the end stops below which a built-in trial says little of a linear actuator."""
 

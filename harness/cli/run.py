@@ -17,6 +17,7 @@ from harness.cli.options import (
     JsonFile,
     Settings,
     TrialFile,
+    beyond,
     chosen_actuator,
     chosen_parameters,
     chosen_trials,
@@ -80,7 +81,7 @@ def run(
     wanted = parse_fidelities(fidelity)
     compared_with = parse_fidelity(reference, "--reference")
     parameters = chosen_parameters(chosen, settings)
-    for line in (*small(flown, chosen), *end_stop(chosen, parameters)):
+    for line in (*small(flown, chosen), *beyond(flown, chosen, parameters), *end_stop(chosen, parameters)):
         typer.echo(line, err=True)
     schedules = [parse_schedule(text) for text in switches or []]
     results.prepare(out)
