@@ -802,16 +802,3 @@ def test_a_campaign_keeps_the_actuator(fmus: dict[str, Path], tmp_path: Path) ->
         assert "rod" in found[name].attrs["long_name"]
     rotary = read_plan(None, {"ranges": {"motor.R": [0.07, 0.09]}, "samples": 2})
     assert rotary.digest({"EMA_ELF.fmu": "0"}) != plan.digest({"EMA_ELF.fmu": "0"})
-
-
-def test_the_live_page_flies_the_actuator(fmus: dict[str, Path]) -> None:
-    from harness.show import live
-
-    actuator = read_actuator("maxon-linear-b")
-    fleet = live.Fleet(fmus["HF"].parent, actuator, "maxon-linear-b")
-    run = fleet.fly("SIN", ["LF"], {})["LF"]
-    fleet.close()
-    assert run.position.attrs["units"] == "m" and run.attrs["actuator"] == actuator.name
-    assert float(abs(run.position).max()) == pytest.approx(0.1 * TRAVEL, rel=0.1)
-    assert live.figure({"LF": run}).layout.yaxis.title.text == "Position [m]"
-    assert "--actuator maxon-linear-b" in live.command("SIN", ["LF"], {}, fleet.named)

@@ -13,13 +13,12 @@ import signal
 import subprocess
 import sys
 import time
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
-import fmpy
 import pytest
 import xarray as xr
+from bad import library, replace_library
 from test_campaign import assert_same
 
 from ema_fmu_src import ports
@@ -276,31 +275,11 @@ def test_a_worker_that_is_killed_costs_nothing(undisturbed, folder, tmp_path):
     assert_same(undisturbed, tmp_path)
 
 
-def test_cases_at_which_workers_die_are_recorded_and_the_others_flown(folder, tmp_path):
+def test_cases_at_which_workers_die_are_recorded_and_the_others_flown(folder, tmp_path, monkeypatch):
     """LF aborts in each run: its cases say so, those of ELF+ are flown."""
-    library = tmp_path / "bad.so"
-    headers = str(Path(fmpy.__file__).parent / "c-code")
-    command = [
-        sys.executable,
-        "-m",
-        "ziglang",
-        "cc",
-        "-target",
-        "x86_64-linux-gnu.2.17",
-        "-shared",
-        "-fPIC",
-        "-O1",
-        "-DCRASH",
-    ]
-    source = Path(__file__).parent / "c" / "bad.c"
-    subprocess.run([*command, "-I", headers, str(source), "-o", str(library)], check=True)
     mine = Path(shutil.copytree(folder, tmp_path / "fmus"))
-    with zipfile.ZipFile(mine / "EMA_LF.fmu") as old:
-        members = {name: old.read(name) for name in old.namelist()}
-    members["binaries/linux64/EMA_LF.so"] = library.read_bytes()
-    with zipfile.ZipFile(mine / "EMA_LF.fmu", "w") as new:
-        for name, content in members.items():
-            new.writestr(name, content)
+    replace_library(mine / "EMA_LF.fmu", library(tmp_path))
+    monkeypatch.setenv("BAD", "CRASH")
     options = {"grid": {"fault.friction": [1.0, 2.0]}, "fidelities": ["LF", "ELF+"]}
     out = tmp_path / "out"
     out.mkdir()

@@ -139,7 +139,7 @@ def test_stored_results_can_be_the_reference(
     arguments = ["--fmus", everything, "--budgets", budgets, "--stored", str(tmp_path), "--page", str(page)]
     assert ema(monkeypatch, *arguments) == 0
     text = page.read_text()
-    assert "All 2 errors with a budget are within it." in text and "SIN_HF.csv (SHA-256" in text
+    assert "All 2 errors with a budget are within it." in text and 'SIN_HF.csv <small title="SHA-256' in text
     assert ema(monkeypatch, "--fmus", everything, "--budgets", budgets, "--stored", str(tmp_path / "none")) == 2
     assert "no stored results of SIN" in capsys.readouterr().err
 

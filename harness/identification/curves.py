@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.inference.explain import Explained
+from harness.inference.explain import HOPELESS, Explained
 from harness.inference.left import Left, left
 from harness.inference.unknowns import N_FAULTS
 
@@ -24,10 +24,15 @@ class Curves:
 
 
 def curves_of(explained: Explained, r: int = 0) -> Curves:
-    """The curves of run `r` at the best explanation; the healthy ones with its nuisances."""
+    """The curves of run `r` at the best explanation; the healthy ones with its nuisances, or, where it explains next to
+    nothing, with none."""
     problem, u = explained.problem, explained.best.fit.u
     run = problem.runs[r]
     predicted = problem.seen(u, r)
+    rest = left(run, predicted - run.data, predicted)
     healthy = u.copy()
     healthy[:N_FAULTS] = 0.0
-    return Curves(predicted, problem.seen(healthy, r), left(run, predicted - run.data, predicted))
+    without = problem.seen(healthy, r)
+    if rest.unexplained.max() > HOPELESS:  # the gap was taken elsewhere
+        without = run.sensors.seen(problem.curves(problem.start, r), problem.unknowns.nuisances_of(problem.start, r), None)
+    return Curves(predicted, without, rest)

@@ -30,7 +30,7 @@ SWAPPED = 2
 """Other faults that each fault of the best explanation is exchanged for."""
 SCANNED_IN, SCANNED = ("mechanics.T_static",), (-2.0, -1.5, -1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 """Parameters in which the cost is rough, and their values that are tried, in standard deviations."""
-STRETCHED = (1.5, 2.0, 3.0)
+STRETCHED = (1.25, 1.5, 2.0)
 """Times as large as it was found, that a rare fault is tried."""
 MOST_LESS = 6
 """Rounds in which faults are left out."""
@@ -100,8 +100,8 @@ class Contest:
             u = np.clip(u, self.problem.unknowns.low, self.problem.unknowns.high)
             self._take_gaps(u)
             beside = self.problem.solve(u, others, most=LATER)
-            if beside.cost < fit.cost - ENOUGH:
-                return self._with_own_gap(self.problem.solve(beside.u, fit.free, most=LATER))
+            if beside.cost < fit.cost - ROUGH:  # less is the chance of the judge's flights
+                return self._stretched(self._with_own_gap(self.problem.solve(beside.u, fit.free, most=LATER)), name)
             for run, gap in zip(self.problem.runs, gaps, strict=True):
                 run.gap = gap
         return fit
