@@ -49,6 +49,7 @@ def test_drives_are_flown_beside_each_other(fmus: dict[str, Path]) -> None:
     assert len(checks) == 4 and [check.limit for check in checks] == [0.67, 1.25, drive.ALLOWED["SIN"], 1.4]
 
 
+@pytest.mark.long
 def test_identification_is_judged_case_by_case(
     fmus: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,6 +122,7 @@ def test_the_master_and_fmpy_give_the_same_bits(fmus: dict[str, Path]) -> None:
         assert found.master > 0.0 and found.fmpy > found.master
 
 
+@pytest.mark.long
 def test_scipys_solution_of_hfs_equations_is_hfs() -> None:
     """Two independent codes: events of SciPy's RK45 against the kernel, 10 ms of a step, no dead time, ideal resolver."""
     states = scipy_hf.fly(lambda t: 0.1, 0.01)

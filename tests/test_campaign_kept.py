@@ -132,6 +132,7 @@ def _killed_in_a_write(folder: Path, out: Path, at: int, part: float) -> None:
     _fly_in_a_process(folder, out)
 
 
+@pytest.mark.long
 def test_killed_within_a_write_it_ends_with_the_same_bytes(undisturbed, folder, tmp_path):
     """A chunk is 6 writes and its checksums a seventh; so the kills are in arrays, in checksums, and between them."""
     moments = random.Random(4)

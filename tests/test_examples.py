@@ -91,6 +91,7 @@ def test_guide_from_fault_data_to_an_identified_fault(clone: Path) -> None:
         assert f"`{key}`" in text
 
 
+@pytest.mark.long
 def test_many_flights_end_in_the_sentence_that_is_told(clone: Path) -> None:
     block = marked("run: many flights")
     sentence = r"friction reaches its limit of 3 in (\d+) days \(90 %: (\d+) to (\d+)\)"
