@@ -276,11 +276,10 @@ def test_a_worker_that_is_killed_costs_nothing(undisturbed, folder, tmp_path):
     assert_same(undisturbed, tmp_path)
 
 
-def test_cases_at_which_workers_die_are_recorded_and_the_others_flown(folder, tmp_path, monkeypatch):
+def test_cases_at_which_workers_die_are_recorded_and_the_others_flown(folder, tmp_path):
     """LF aborts in each run: its cases say so, those of ELF+ are flown."""
     mine = Path(shutil.copytree(folder, tmp_path / "fmus"))
-    replace_library(mine / "EMA_LF.fmu", library(tmp_path))
-    monkeypatch.setenv("BAD", "CRASH")
+    replace_library(mine / "EMA_LF.fmu", library(tmp_path, '-DALWAYS="CRASH"'))
     options = {"grid": {"fault.friction": [1.0, 2.0]}, "fidelities": ["LF", "ELF+"]}
     out = tmp_path / "out"
     out.mkdir()

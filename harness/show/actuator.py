@@ -9,7 +9,7 @@ from harness.actuators.actuator import Actuator
 from harness.actuators.derived import derived
 from harness.actuators.doubts import unstated
 
-PARAMETER_HEADS = ("Parameter", "Value", "Unit", "+- (95 %)", "Origin")
+PARAMETER_HEADS = ("Parameter", "Value", "Unit", "+-95 %", "Origin")
 DERIVED_HEADS = ("Quantity", "Value", "Unit", "Formula")
 LEFT_OUT = ("fault.", "initial.")
 FLIGHT_HEADS = ("Fidelity", "Flies")

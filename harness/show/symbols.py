@@ -15,7 +15,7 @@ TERMS = {
     "Limit": "value at which health is 0 and the event is reached",
     "Sigma": "standard deviation",
     "Sigma before": "standard deviation before the logs were seen",
-    "+- (95 %)": "half width of the interval that holds the value in 95 of 100 cases",
+    "+-95 %": "half width of the interval that holds the value in 95 of 100 cases",
     "of before": "standard deviation over that before the logs were seen",
     "Told by the data": "standard deviation of what is left open, in % of each",
     "Wall s / s": "wall seconds per simulated second, on one core",
