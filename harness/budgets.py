@@ -20,7 +20,6 @@ from harness.errors import HarnessError
 from harness.files.reader import read_table
 from harness.files.toml import read_toml
 from harness.files.writers import FORMATS
-from harness.flight import fmufile
 from harness.flight.experiment import Experiment
 from harness.flight.isolate import TIME_LIMIT, Isolated
 from harness.logs.axes import axis_of
@@ -29,6 +28,7 @@ from harness.logs.find import Found
 from harness.logs.mapping import ColumnSpec
 from harness.logs.trialfile import read_trial
 from harness.parameters import merged
+from harness.provenance import file_hash
 from harness.trials import BUILT_IN, Trial, trial
 
 ROTARY = ACTUATOR.output
@@ -248,7 +248,7 @@ def _stored(folder: Path, name: str, output: Output) -> xr.Dataset:
     attributes = {
         "trial": name,
         "fmu": path.name,
-        "fmu_sha256": fmufile.content_hash(path),
+        "fmu_sha256": file_hash(path),
         "wall_s": float("nan"),
         "simulated_s": float(time[-1] - time[0]),
     }

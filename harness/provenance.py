@@ -86,7 +86,7 @@ def file_hash(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise HarnessError(f"{path}: cannot be read: {error.strerror}") from None
+        raise HarnessError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
 def _versions() -> dict[str, str]:

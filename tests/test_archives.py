@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness import provenance
 from harness.errors import HarnessError
 from harness.flight import archive, fmufile
 from harness.flight.twin import Twin
@@ -245,6 +246,6 @@ def test_a_file_that_may_not_be_read_is_one_line(tmp_path: Path) -> None:
         with pytest.raises(HarnessError, match="cannot be read: Permission denied"):
             fmufile.describe(path)
     path.unlink()
-    for use in (fmufile.describe, fmufile.content_hash):
+    for use in (fmufile.describe, provenance.file_hash):
         with pytest.raises(HarnessError, match=r"m.fmu: (no such file|cannot be read: No such file)"):
             use(path)

@@ -10,7 +10,7 @@ from ema_fmu_src import __version__
 from harness.errors import HarnessError
 from harness.fidelity import FIDELITIES
 from harness.files import results
-from harness.flight.fmufile import content_hash
+from harness.provenance import file_hash
 
 KEY = "bench.json"
 CASES, CALIBRATIONS = "cases", "calibrations"
@@ -32,7 +32,7 @@ class Kept:
             "seed": seed,
             "rate": rate,
             "version": __version__,
-            "fmu_sha256": {name: content_hash(fmus / FIDELITIES[name].fmu) for name in ("HF", "ELF+")},
+            "fmu_sha256": {name: file_hash(fmus / FIDELITIES[name].fmu) for name in ("HF", "ELF+")},
         }
         for each in (folder / CASES, folder / CALIBRATIONS):
             results.prepare(each)

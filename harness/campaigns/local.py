@@ -22,7 +22,7 @@ from typing import Self
 
 from harness.campaigns.batch import Batch, Result, Shared, died
 from harness.errors import HarnessError
-from harness.parallel import THREADS
+from harness.parallel import THREADS, environment
 
 ENVIRONMENT = dict.fromkeys(THREADS, "1") | {
     "MALLOC_TRIM_THRESHOLD_": str(2**28),
@@ -42,18 +42,12 @@ JUST_MADE = 60.0
 
 def preload() -> None:
     """Begin the process that workers are forked from; it loads their code while this one goes on."""
-    before = {name: os.environ.get(name) for name in ENVIRONMENT}
     multiprocessing.get_context("forkserver").set_forkserver_preload(LOADED)
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: a Ctrl-C is for this process alone
-    os.environ.update(ENVIRONMENT)
     try:
-        forkserver.ensure_running()
+        with environment(ENVIRONMENT):
+            forkserver.ensure_running()
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 

@@ -15,8 +15,7 @@ from harness.campaigns.parts import Parts
 from harness.campaigns.plan import Plan
 from harness.campaigns.store import Store
 from harness.errors import required_extra
-from harness.flight import fmufile
-from harness.provenance import Provenance
+from harness.provenance import Provenance, file_hash
 
 
 class Crew(Protocol):
@@ -92,7 +91,7 @@ def run(
     """
     with locked(out):
         contents = {name: (fmus / name).read_bytes() for name in sorted({fidelity.fmu for fidelity in plan.fidelities})}
-        hashes = {name: fmufile.content_hash(fmus / name) for name in contents}
+        hashes = {name: file_hash(fmus / name) for name in contents}
         store = Store(out, plan, hashes, record)
         waiting = store.waiting()
         cases = sum(map(len, waiting))

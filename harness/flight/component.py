@@ -17,6 +17,7 @@ from harness.errors import HarnessError
 from harness.flight import fmufile
 from harness.flight.calls import FMU2Checked
 from harness.flight.messages import MOST, Messages
+from harness.provenance import file_hash
 
 FUNCTIONS = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean", "String": "String"}
 """The kinds of variables, and the kind by whose FMI functions each is set and got (FMI 2.0, section 2.1.7)."""
@@ -36,7 +37,7 @@ class Component:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.description = fmufile.describe(path)
-        self.fmu_hash = fmufile.content_hash(path)
+        self.fmu_hash = file_hash(path)
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
         self._folder = scratch.make("fmu")
         self._messages = Messages(path.stem)

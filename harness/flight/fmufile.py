@@ -1,6 +1,5 @@
 """FMU archives: what they say of themselves, and the ports that are needed."""
 
-import hashlib
 import io
 import zipfile
 from pathlib import Path
@@ -16,15 +15,6 @@ from harness.flight import archive
 DESCRIPTION = "modelDescription.xml"
 LARGEST_DESCRIPTION = 32 * 2**20
 """Bytes: some 100,000 variables. FMPy takes six times as much memory for it."""
-
-
-def content_hash(path: Path) -> str:
-    """SHA-256 of the file, 64 hexadecimal digits; HarnessError if it cannot be read."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise HarnessError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
 def unpack(path: Path, into: Path) -> None:

@@ -11,12 +11,12 @@ import numpy as np
 import xarray as xr
 
 from harness.errors import HarnessError
-from harness.flight import fmufile
 from harness.flight.couple import System
 from harness.flight.master import Recording
 from harness.flight.shield.process import Ended, Process
 from harness.flight.shield.wire import Array
 from harness.flight.twin import Twin
+from harness.provenance import file_hash
 from harness.trials import Trial
 
 TIME_LIMIT = 60.0
@@ -83,7 +83,7 @@ class Isolated:
                 raise Ended("was ended: it sent what is no run")
         except Ended as error:
             raise HarnessError(f"{self.path.name}, trial {trial.name}: {error}") from None
-        digest = fmufile.content_hash(self.path)
+        digest = file_hash(self.path)
         return Twin.dataset(self.path.name, digest, trial, given, outputs, Recording(table, wall, stopped))
 
 
