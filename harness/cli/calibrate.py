@@ -70,12 +70,12 @@ def calibrate(
     from harness.calibration.table import file_text, with_files
     from harness.fidelity import parse_fidelity
     from harness.files import results
+    from harness.identification.asked import check_tolerance
     from harness.show import figures as papers
 
     chosen, freed = _freed(chosen_actuator(actuator), free)
     fidelity = parse_fidelity(model, "--monitor")
-    if not tolerance > 0.0:
-        raise HarnessError(f"--tolerance {tolerance:g}: more than 0 is needed, such as 0.01")
+    check_tolerance(tolerance, "--tolerance ", 0.01)
     if out.suffix.lower() != ".toml":
         raise HarnessError(f"--out {out}: an actuator file is written, its name has to end with .toml")
     common, own = parse_own(settings or [], [*logs, *(check or [])])

@@ -24,7 +24,6 @@ from harness.cli.options import (
 )
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show, working
-from harness.errors import HarnessError
 from harness.faults import ESTIMATED, THRESHOLD
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def identify(
     """
     from harness.files import results
     from harness.files.reader import stem
-    from harness.identification import diagnosis
+    from harness.identification import asked, diagnosis
     from harness.identification.page import figures as figures_of
     from harness.identification.page import page
     from harness.inference.measured import read_measured
@@ -67,10 +66,8 @@ def identify(
     chosen = chosen_actuator(actuator)
     fidelity, parameters = chosen_monitor(model, settings, estimated=estimated, actuator=chosen)
     health_limits = chosen_limits(chosen, limits)
-    if not 0.0 <= threshold < 1.0:
-        raise HarnessError(f"--threshold {threshold:g}: 0 up to less than 1 is needed")
-    if not tolerance > 0.0:
-        raise HarnessError(f"--tolerance {tolerance:g}: more than 0 is needed, such as 0.003")
+    asked.check_threshold(threshold, "--threshold ")
+    asked.check_tolerance(tolerance, "--tolerance ", 0.003)
     stated = chosen_columns(columns, chosen)
     run = read_measured(measured, parameters, chosen.output, stated, with_files=with_files or ())
     results.prepare(out)

@@ -104,19 +104,12 @@ def chosen_monitor(
 
     HarnessError if one of the ports to be `estimated` is set, other than to its healthy value by the actuator.
     """
-    from harness.actuators.actuator import DEFAULT
     from harness.fidelity import parse_fidelity
+    from harness.identification.asked import check_healthy
     from harness.parameters import parse_settings
 
     model = parse_fidelity(name, "--monitor")
-    for port in estimated:
-        if port in parse_settings(settings or []):
-            raise HarnessError(f"--set {port}: it is what is estimated; only other parameters can be set")
-        if actuator.value(port) != DEFAULT.value(port):
-            stated = f"{port} = {actuator.value(port):g}"
-            raise HarnessError(
-                f"--actuator {actuator.name}: {stated}: it is what is estimated; a healthy actuator is needed"
-            )
+    check_healthy(actuator, parse_settings(settings or []), estimated, setting="--set ", given="--actuator ")
     parameters = chosen_parameters(actuator, settings)
     return model, {port: value for port, value in parameters.items() if port not in estimated}
 

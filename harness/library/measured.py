@@ -9,11 +9,12 @@ from typing import Any
 import xarray as xr
 
 from ema_fmu_src.fidelities import FIDELITIES, REFERENCE
-from harness.actuators.actuator import DEFAULT, Actuator
+from harness.actuators.actuator import Actuator
 from harness.errors import HarnessError
 from harness.faults import ESTIMATED, THRESHOLD, parse_limits
 from harness.fidelity import parse_fidelity
 from harness.files import results
+from harness.identification import asked
 from harness.identification import diagnosis as identification
 from harness.identification.diagnosis import Diagnosis
 from harness.identification.page import HEADS as FAULT_HEADS
@@ -113,16 +114,10 @@ def identify(
     chosen = actuator_of(actuator)
     fidelity = parse_fidelity(model, "model")
     estimated = {item.port for item in ESTIMATED.values()}
-    for port in estimated:
-        if port in stated(set):
-            raise HarnessError(f"set, {port}: it is what is estimated; only other parameters can be set")
-        if chosen.value(port) != DEFAULT.value(port):
-            raise HarnessError(f"actuator {chosen.name}: {port} = {chosen.value(port):g}: a healthy actuator is needed")
+    asked.check_healthy(chosen, stated(set), estimated, setting="set, ", given="actuator ")
     given = {port: value for port, value in parameters_of(chosen, set).items() if port not in estimated}
-    if not 0.0 <= threshold < 1.0:
-        raise HarnessError(f"threshold={threshold:g}: 0 up to less than 1 is needed")
-    if not tolerance > 0.0:
-        raise HarnessError(f"tolerance={tolerance:g}: more than 0 is needed, such as 0.003")
+    asked.check_threshold(threshold, "threshold=")
+    asked.check_tolerance(tolerance, "tolerance=", 0.003)
     at_zero = {**chosen.limits, **parse_limits([f"{name}={value}" for name, value in (limits or {}).items()])}
     more = [Path(path) for path in with_files]
     with log_file(measured) as path:
@@ -283,8 +278,7 @@ def calibrate(
 
     chosen = actuator_of(actuator)
     fidelity = parse_fidelity(model, "model")
-    if not tolerance > 0.0:
-        raise HarnessError(f"tolerance={tolerance:g}: more than 0 is needed, such as 0.01")
+    asked.check_tolerance(tolerance, "tolerance=", 0.01)
     for item in ESTIMATED.values():
         if chosen.value(item.port) != item.healthy:
             raise HarnessError(f"actuator {chosen.name}: {item.port}: a calibration takes a healthy actuator")
