@@ -5,14 +5,10 @@ replaced, and what it flew is flown again, case by case; a case at which workers
 """
 
 import contextlib
-import fcntl
 import multiprocessing
-import os
-import shutil
 import signal
 import sys
 import tempfile
-import time
 import types
 from collections import deque
 from collections.abc import Iterator
@@ -20,6 +16,7 @@ from multiprocessing import connection, forkserver
 from pathlib import Path
 from typing import Self
 
+from harness import scratch
 from harness.campaigns.batch import Batch, Result, Shared, died
 from harness.errors import HarnessError
 from harness.parallel import THREADS, environment
@@ -35,9 +32,6 @@ AHEAD = 2
 """Parts that a worker has: one at work, one waiting."""
 MOST_DEATHS = 3
 """Workers that may die of a case before it counts as failed, or in a row as they begin before the campaign ends."""
-SCRATCH = "ema_campaign_"
-JUST_MADE = 60.0
-"""A folder [s] that may not be held yet."""
 
 
 def preload() -> None:
@@ -75,7 +69,7 @@ class Local:
         """Within it, the workers fly the `cases` cases of a campaign."""
         self.threads = min(self._most, cases)
         self._shared = shared
-        with scratch() as folder:
+        with scratch.folder("campaign") as folder:
             self._begin = folder, shared
             try:
                 self._crew += [_Worker(*self._begin) for _ in range(self.threads)]
@@ -191,35 +185,3 @@ def _without_main() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = script
-
-
-@contextlib.contextmanager
-def scratch() -> Iterator[Path]:
-    """A folder for what workers unpack, removed at the end, however they end; those of campaigns that were killed go too."""
-    for left in Path(tempfile.gettempdir()).glob(f"{SCRATCH}*"):
-        with contextlib.suppress(OSError):
-            if time.time() - left.stat().st_mtime > JUST_MADE and (handle := _held(left)) is not None:
-                shutil.rmtree(left, ignore_errors=True)
-                os.close(handle)
-    try:
-        folder = Path(tempfile.mkdtemp(prefix=SCRATCH))
-    except OSError as error:
-        raise HarnessError(f"{tempfile.gettempdir()}: cannot be written: {error.strerror}") from None
-    handle = _held(folder)
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        if handle is not None:
-            os.close(handle)
-
-
-def _held(folder: Path) -> int | None:
-    """Handle of a folder that is now held by this process, until it ends; None if another has it."""
-    handle = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(handle)
-        return None
-    return handle

@@ -3,17 +3,15 @@
 import contextlib
 import hashlib
 import os
-import shutil
-import tempfile
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema_fmu_src import ports
+from harness import scratch
 from harness.campaigns import features
 from harness.campaigns.batch import Batch, Result, Shared, blank
 from harness.campaigns.names import names
@@ -130,13 +128,11 @@ def _twin(name: str, digest: str, content: bytes) -> Twin:
     if digest not in twins:
         if hashlib.sha256(content).hexdigest() != digest:
             raise HarnessError(f"the FMU that came is not the one that was sent: its SHA-256 is not {digest[:12]}...")
-        folder = Path(tempfile.mkdtemp(prefix="ema_campaign_"))
-        try:
-            path = folder / name
-            path.write_bytes(content)
-            twins[digest] = Twin(path)
-        except OSError as error:
-            raise HarnessError(f"worker {os.getpid()}: {folder} cannot be written: {error.strerror}") from None
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
+        with scratch.folder("campaign") as folder:
+            try:
+                path = folder / name
+                path.write_bytes(content)
+                twins[digest] = Twin(path)
+            except OSError as error:
+                raise HarnessError(f"worker {os.getpid()}: {folder} cannot be written: {error.strerror}") from None
     return twins[digest]

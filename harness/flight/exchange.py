@@ -61,7 +61,7 @@ def _set(calls, components, variables, row, texts, scratch):  # type: ignore[no-
             at = whole.ctypes.data
         call = SETTERS[kind]
         status = call_values(calls[k, call], components[k], reference.ctypes.data, 1, at)
-        if status > WARNING or status < 0:
+        if status > WARNING:
             return j, call, status
     return 0, 0, 0
 
@@ -77,7 +77,7 @@ def _get(calls, components, variables, row, texts, scratch):  # type: ignore[no-
             at = pointer.ctypes.data if kind == STRING else whole.ctypes.data
         call = GETTERS[kind]
         status = call_values(calls[k, call], components[k], reference.ctypes.data, 1, at)
-        if status > WARNING or status < 0:
+        if status > WARNING:
             return j, call, status
         if kind == STRING:
             if not _copied(pointer[0], texts[j]):
@@ -122,7 +122,7 @@ def advance(calls, components, times, span, spans, sources, targets, factors, fe
             if status:
                 return n, TARGET, first + j, call, status
             status = call_step(calls[k, DO_STEP], components[k], times[n], times[n + 1] - times[n], np.int32(1))
-            if status > WARNING or status < 0:
+            if status > WARNING:
                 return n, STEPPED, k, DO_STEP, status
         j, call, status = _get(calls, components, recorded, outputs[n + 1], nothing, scratch)
         if status:
