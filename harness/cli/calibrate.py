@@ -16,6 +16,7 @@ from harness.cli.options import (
     Monitor,
     chosen_actuator,
     chosen_columns,
+    save_figures,
 )
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress, show
@@ -113,9 +114,7 @@ def calibrate(
     results.write(out, content)
     _print(found)
     typer.echo(f"actuator: {out}   page: {target}")
-    if figures:
-        papers.save(figures, figures_of(found), target.stem)
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: figures_of(found), target.stem)
     if found.complaints:
         sys.exit(1)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import Columns, Figures, JsonFile, Settings, TrialFile, chosen_trials
+from harness.cli.options import Columns, Figures, JsonFile, Settings, TrialFile, chosen_trials, save_figures
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
 from harness.errors import HarnessError
@@ -70,6 +70,4 @@ def compare(
     target = write_page(out / f"{names[0]}_against_{names[1]}.html", page)
     show(f"{names[0]} against {names[1]}", compared.heads(tube), compared.table_rows(comparisons), words=("Variable",))
     typer.echo(f"page: {target}")
-    if figures:
-        papers.save(figures, compared.figures(comparisons, pairs, names), target.stem)
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: compared.figures(comparisons, pairs, names), target.stem)

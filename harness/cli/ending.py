@@ -10,11 +10,10 @@ import typer
 
 from harness.cli import streams
 from harness.errors import HarnessError
+from harness.flight.interrupt import INTERRUPTED
 
 FAILED = 2
 """Exit code for what could not be done."""
-INTERRUPTED = 130
-"""Exit code that Typer gives an interrupt from the keyboard."""
 
 
 @contextmanager

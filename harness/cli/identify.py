@@ -21,6 +21,7 @@ from harness.cli.options import (
     chosen_columns,
     chosen_limits,
     chosen_monitor,
+    save_figures,
 )
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show, working
@@ -95,9 +96,7 @@ def identify(
         write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
     typer.echo(f"page: {target}   actuator: {chosen.name}")
-    if figures:
-        papers.save(figures, figures_of(found, health_limits), target.stem)
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: figures_of(found, health_limits), target.stem)
     if found.complaints:
         sys.exit(1)
 

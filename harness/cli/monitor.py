@@ -20,6 +20,7 @@ from harness.cli.options import (
     chosen_columns,
     chosen_limits,
     chosen_monitor,
+    save_figures,
 )
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress, show
@@ -92,9 +93,7 @@ def monitor(
         write_json(json_file, {"actuator": chosen.identity, **found.as_dict()}, record)
     _print(found)
     typer.echo(f"page: {target}")
-    if figures:
-        papers.save(figures, figures_of(found), target.stem)
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: figures_of(found), target.stem)
     if found.problems:
         sys.exit(1)
 

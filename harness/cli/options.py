@@ -1,8 +1,8 @@
 """Options that several commands share, and what they become."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -95,6 +95,15 @@ def chosen_limits(actuator: "Actuator", limits: list[str] | None) -> dict[str, f
     from harness.faults import parse_limits
 
     return {**actuator.limits, **parse_limits(limits or [])}
+
+
+def save_figures(folder: Path | None, drawn: Callable[[], Mapping[str, Any]], stem: str) -> None:
+    """Write what is `drawn`, figures by name, as `--figures` asks for it, and say where; nothing without a folder."""
+    from harness.show import figures
+
+    if folder:
+        figures.save(folder, drawn(), stem)
+        typer.echo(f"figures: {folder}")
 
 
 def chosen_monitor(

@@ -17,6 +17,7 @@ from harness.cli.options import (
     chosen_columns,
     chosen_parameters,
     end_stop,
+    save_figures,
 )
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import show
@@ -71,9 +72,7 @@ def replay(
     for item in found:
         _print(item)
     typer.echo(f"page: {target}   actuator: {chosen.name}")
-    if figures:
-        papers.save(figures, figures_of(found), target.stem)
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: figures_of(found), target.stem)
 
 
 def _as_dict(found: "list[Replay]", log: Path, actuator: dict[str, str]) -> dict[str, object]:

@@ -22,6 +22,7 @@ from harness.cli.options import (
     chosen_parameters,
     chosen_trials,
     end_stop,
+    save_figures,
     small,
 )
 from harness.cli.origin import provenance, write_json
@@ -108,9 +109,7 @@ def run(
         write_json(json_file, {"actuator": chosen.identity, **summary(entries, experiment.comparisons)}, record)
     _print(experiment)
     typer.echo(f"page: {target}   trajectories: {out / f'TRIAL_FIDELITY.{suffix}'}")
-    if figures:
-        papers.save(figures, report.figures(experiment), target.stem)
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: report.figures(experiment), target.stem)
     if experiment.failures:
         sys.exit(1)
 

@@ -10,7 +10,7 @@ from typing import Any
 from harness import scratch
 
 INTERRUPTED = 130
-"""Exit code of a process that an interrupt has ended."""
+"""Exit code of a process that an interrupt from the keyboard has ended, which is also what Typer gives one."""
 LAST_WORD = b"\nan FMU is still at work; Ctrl-C once more ends the process at once\n"
 
 

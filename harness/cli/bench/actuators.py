@@ -11,6 +11,7 @@ import typer
 from harness import scratch
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
+from harness.cli.options import save_figures
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError, unknown
@@ -83,9 +84,7 @@ def actuators(
         write_json(json_file, {**kept.as_dict(), **content, "checks": [check.as_dict() for check in listed]}, record)
     if out:
         typer.echo(f"page: {write_page(out / PAGE, page(found, tables, record, kept.as_dict()))}")
-    if figures:
-        papers.save(figures, figures_of(found), Path(PAGE).stem)
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: figures_of(found), Path(PAGE).stem)
 
 
 def _do(wanted: Wanted, kept: "Kept", fmus: Path) -> None:

@@ -7,7 +7,7 @@ import typer
 
 from harness.cli.bench.tables import check_table, show
 from harness.cli.build import fmu_folder
-from harness.cli.options import ActuatorOption, Figures, FmuDir, JsonFile, chosen_actuator, small
+from harness.cli.options import ActuatorOption, Figures, FmuDir, JsonFile, chosen_actuator, save_figures, small
 from harness.cli.origin import provenance, write_json
 from harness.cli.terminal import progress
 from harness.errors import HarnessError
@@ -105,9 +105,7 @@ def speed(
             "checks": [check.as_dict() for check in found],
         }
         write_json(json_file, content, record)
-    if figures:
-        papers.save(figures, figures_of(measured), "bench")
-        typer.echo(f"figures: {figures}")
+    save_figures(figures, lambda: figures_of(measured), "bench")
 
 
 def _with_progress(run: "Callable[[Callable[[str], None]], T]", total: int) -> "T":
