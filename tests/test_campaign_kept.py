@@ -240,7 +240,7 @@ def test_a_small_disk_that_fills_and_is_made_larger(undisturbed, folder, tmp_pat
         check=False,
     )
     if mounted.returncode:
-        pytest.skip("no right to mount a small disk")
+        pytest.skip(f"no small disk can be mounted: {mounted.stderr.decode(errors='replace').strip()}")
     try:
         with pytest.raises(HarnessError, match="No space left on device"):
             fly(folder, disk)
