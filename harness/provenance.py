@@ -83,10 +83,15 @@ def provenance(
 def file_hash(path: Path) -> str:
     """SHA-256 of the file, 64 hexadecimal digits; HarnessError if it cannot be read."""
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return sha256(path)
     except OSError as error:
         raise HarnessError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def sha256(path: Path) -> str:
+    """As `file_hash`, but OSError if the file cannot be read."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _versions() -> dict[str, str]:

@@ -9,6 +9,8 @@ import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
+from harness.provenance import sha256
+
 CHECKSUMS = "checksums"
 SUFFIX = ".sha256"
 PART = ".part"
@@ -31,12 +33,6 @@ def write(path: Path, content: bytes) -> str:
         beside.unlink(missing_ok=True)
         raise
     return hashlib.sha256(content).hexdigest()
-
-
-def of_file(path: Path) -> str:
-    """SHA-256 of a file; OSError if it cannot be read."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class Checksums:
@@ -74,7 +70,7 @@ class Checksums:
     def _problem(self, path: str, digest: str) -> str:
         file = self.folder / path
         try:
-            return "" if of_file(file) == digest else f"{file}: is damaged, its SHA-256 is not {digest[:12]}..."
+            return "" if sha256(file) == digest else f"{file}: is damaged, its SHA-256 is not {digest[:12]}..."
         except FileNotFoundError:
             return f"{file}: is missing"
         except OSError as error:

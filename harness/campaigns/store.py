@@ -22,7 +22,7 @@ from harness.campaigns.batch import Result
 from harness.campaigns.checksums import Checksums
 from harness.campaigns.plan import Plan
 from harness.errors import HarnessError
-from harness.provenance import Provenance
+from harness.provenance import Provenance, sha256
 
 PARQUET_ROWS = 65536
 """Cases that are in memory at a time while the Parquet file is written."""
@@ -101,7 +101,7 @@ class Store:
         try:
             dataset.create(made, self.plan, self.digest, self._fmus, self._record)
             files = sorted(path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file())
-            hashes = {f"{STORE}/{name}": checksums.of_file(made / name) for name in files}
+            hashes = {f"{STORE}/{name}": sha256(made / name) for name in files}
             if self.path.exists():
                 for name in files:
                     (self.path / name).parent.mkdir(exist_ok=True)
@@ -176,7 +176,7 @@ class Store:
                 file.flush()
                 os.fsync(file.fileno())
             made.replace(self.folder / FEATURES)
-            self._checksums.add("features", {FEATURES: checksums.of_file(self.folder / FEATURES)})
+            self._checksums.add("features", {FEATURES: sha256(self.folder / FEATURES)})
         except OSError as error:
             made.unlink(missing_ok=True)
             raise HarnessError(self._kept(error)) from None

@@ -1,7 +1,6 @@
 """What a script gives, names, paths and datasets, as what the rooms take."""
 
 import json
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from ema_fmu_src import ports
+from harness import scratch
 from harness.actuators.actuator import DEFAULT, Actuator
 from harness.actuators.read import read_actuator
 from harness.errors import HarnessError
@@ -88,8 +88,8 @@ def log_file(given: Given) -> Iterator[Path]:
     if not isinstance(given, xr.Dataset):
         raise HarnessError(f"{type(given).__name__}: a path or an xarray.Dataset over time is needed")
     name = str(given.attrs.get("trial", "dataset")).replace("/", "_")
-    with tempfile.TemporaryDirectory(prefix="ema_log_") as folder:
-        path = Path(folder) / f"{name}.csv"
+    with scratch.folder("log") as folder:
+        path = folder / f"{name}.csv"
         results.write(path, _csv(given))
         try:
             yield path

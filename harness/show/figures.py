@@ -1,12 +1,12 @@
 """The figures of a page as files for papers: SVG and PNG, drawn by Kaleido in a browser that is installed."""
 
 import re
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import plotly.graph_objects as go
 
+from harness import scratch
 from harness.errors import HarnessError, required_extra
 from harness.files import results
 
@@ -36,8 +36,8 @@ def save(folder: Path, figures: Mapping[str, go.Figure], stem: str) -> list[Path
     names = [f"{_plain(stem)}_{_plain(name)}" for name in figures]
     drawn = [on_paper(figure) for figure in figures.values()]
     written = []
-    with tempfile.TemporaryDirectory() as scratch:
-        files = [Path(scratch) / f"{name}.{kind}" for name in names for kind in ("svg", "png")]
+    with scratch.folder("figures") as made:
+        files = [made / f"{name}.{kind}" for name in names for kind in ("svg", "png")]
         twice = [figure for figure in drawn for _ in ("svg", "png")]
         try:
             pio.write_images(twice, files, scale=[1, SCALE] * len(drawn))

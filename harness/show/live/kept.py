@@ -2,7 +2,6 @@
 
 import hashlib
 import re
-import tempfile
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import TypeVar
 
+from harness import scratch
 from harness.actuators.actuator import Actuator
 from harness.actuators.tomlfile import read_actuator_toml
 from harness.errors import HarnessError
@@ -147,8 +147,8 @@ def read_actuator(given: Upload) -> Actuator:
 
 def _read(given: Upload, read: Callable[[Path], Read]) -> Read:
     """What `read` makes of the upload as a file; a refusal names the file as the user does."""
-    with tempfile.TemporaryDirectory(prefix="ema-serve-") as folder:
-        path = Path(folder) / given.name
+    with scratch.folder("serve") as folder:
+        path = folder / given.name
         path.write_bytes(given.data)
         try:
             return read(path)
